@@ -10,6 +10,7 @@ const LATER = [
   { name: '3-D', begins: /^view-/, most: 250 },
   { name: 'headset', begins: /^session-/, most: 60 },
   { name: 'sound', begins: /^player-/, most: 4 },
+  { name: 'steward', begins: /^Steward-/, most: 8 },
 ];
 const folder = new URL('../race_server/live/gateway/page/', import.meta.url).pathname;
 const assets = join(folder, 'assets');

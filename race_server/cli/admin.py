@@ -63,6 +63,42 @@ def penalty(
 
 
 @app.command()
+def protest(
+    seat: Annotated[int, typer.Argument(min=0, help="Seat of the team that protests.")],
+    against: Annotated[int, typer.Option(min=0, help="Seat of the team that it is against.")],
+    why: Annotated[str, typer.Option(help="The reason, at most 120 characters.")],
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Lodge a protest in an event: against the last result of a team, until its stage is over."""
+    _decide("protest", keys, connect, session, seat=seat, against=against, note=why)
+
+
+@app.command()
+def uphold(
+    number: Annotated[int, typer.Argument(min=1, help="Number of the protest.")],
+    seconds: Annotated[float, typer.Option(help="Seconds to add to the time.")] = 5.0,
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Uphold a protest with seconds on the time of the team that it is against."""
+    _decide("uphold", keys, connect, session, protest=number, value=seconds)
+
+
+@app.command()
+def dismiss(
+    number: Annotated[int, typer.Argument(min=1, help="Number of the protest.")],
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Dismiss a protest: the result stays as it is."""
+    _decide("dismiss", keys, connect, session, protest=number)
+
+
+@app.command()
 def kick(
     seat: SeatNumber, keys: KeysFolder = None, connect: Connect = "", session: SessionName = ""
 ) -> None:
@@ -124,13 +160,11 @@ def _decide(
     keys: Path | None,
     connect: str,
     session: str,
-    *,
-    seat: int = -1,
-    value: float = 0.0,
+    **what: int | float | str,
 ) -> None:
     steward, link = _steward(keys, connect, session)
     with link:
-        say(steward.decide(act, seat=seat, value=value))
+        say(steward.decide(act, **what))
 
 
 def _steward(keys: Path | None, connect: str, session: str) -> "tuple[StewardClient, ClientLink]":

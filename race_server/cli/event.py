@@ -66,10 +66,9 @@ def show_event(path: Path, console: Console) -> None:
 
 def _event_in(path: Path) -> "tuple[Day, EventState]":
     from race_server.competition.event_state import read_event
-    from race_server.competition.race_day.day import Day
 
     state = read_event(path)
-    return Day(state.plan(), state.name, state.records), state
+    return state.day(), state
 
 
 def _print_event(day: "Day", state: "EventState", console: Console) -> None:

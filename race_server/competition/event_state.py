@@ -5,9 +5,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.formats import Format
 from race_server.competition.race_day.formats.reader import format_of, words_of
 from race_server.competition.race_day.plan import DayPlan
+from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import DeletedLap, RaceRecord, Team, TeamResult
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
@@ -48,6 +50,7 @@ class EventState:
     entrants: tuple[Entrant, ...]
     epoch: int = 0  # of the last race
     records: tuple[RaceRecord, ...] = ()  # of the attempts and races so far
+    protests: tuple[Protest, ...] = ()
     is_final: bool = False
 
     def plan(self) -> DayPlan:
@@ -65,6 +68,14 @@ class EventState:
             needs_line=self.needs_line,
             waits=self.pace == "lockstep",
         )
+
+    def day(self) -> Day:
+        """Return the event as it stands.
+
+        Raises:
+            RaceError: a course or the vehicle does not exist any more.
+        """
+        return Day(self.plan(), self.name, self.records, self.protests)
 
     def words(self) -> dict[str, Any]:
         """Return the event as plain data."""
@@ -133,6 +144,7 @@ def read_event(path: Path) -> EventState:
                 "format": format_of(name, form, str(path)),
                 "entrants": tuple(Entrant(**one) for one in words["entrants"]),
                 "records": tuple(_record(one) for one in words["records"]),
+                "protests": tuple(Protest(**one) for one in words.get("protests", ())),
             }
         )
     except OSError as error:

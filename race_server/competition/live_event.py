@@ -7,12 +7,15 @@ whose server was killed goes on; one that was stopped is driven again.
 from collections.abc import Callable
 from dataclasses import replace
 
+from race_server.competition.event_board import EventBoard
+from race_server.competition.event_ghosts import EventGhosts
 from race_server.competition.event_spec import EventSpec, file_name
 from race_server.competition.event_state import EventFile, EventState
+from race_server.competition.protest_desk import ProtestDesk
 from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
-from race_server.core.messages import Event, Phase
+from race_server.core.messages import Event, EventPhase, Phase
 from race_server.errors import RecordingError, ScenarioError
 from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
@@ -45,10 +48,15 @@ class LiveEvent:
         self._changed = changed
         self._name = file_name(server)
         self._file = EventFile(spec.folder, self._name)
-        self.day = Day(state.plan(), state.name, state.records)
+        self.day = state.day()
         self._raced = -1  # record of the race whose result stewards may change
         self._teams = {one.seat: one.team for one in state.entrants}
         self._seats = {one.team: one.seat for one in state.entrants}
+        ghosts = EventGhosts(spec.folder, f"{self._name}-{STAMP}.mcap", state.name, log)
+        self._board = EventBoard(server, self._seats, ghosts, self._record_now)
+        self._board.show(self.day, EventPhase.CALLED)
+        self._desk = ProtestDesk(self.day, state, server.keeper, self._announce)
+        server.hold(self._board, self._desk)
         server.amended = self._amend
 
     # From the first call to the final classification
@@ -70,6 +78,8 @@ class LiveEvent:
             if (record := self._found()) is not None:
                 self._add(record)
         self._save()
+        if self._desk.is_busy:
+            self._review(self.day.driven[-1])
         while (drive := self.day.next) is not None and not server.is_stopped:
             record = self._drive(drive)
             if record is None:
@@ -81,6 +91,7 @@ class LiveEvent:
             return False
         self.state = replace(self.state, is_final=True)
         self._save()
+        self._board.show(self.day, EventPhase.OVER)
         self._changed(self.day, self.state)
         server.session.is_event = server.session.keeps_seats = False
         return True
@@ -88,8 +99,10 @@ class LiveEvent:
     def _drive(self, drive: Drive) -> RaceRecord | None:
         """Call the drivers and let them drive; None where the server is stopped meanwhile."""
         server, session = self._server, self._server.session
+        self._desk.block = drive.block
         seats = [session.seats[self._seats[team.name]] for team in drive.grid]
         names = ", ".join(team.name for team in drive.grid)
+        self._board.show(self.day, EventPhase.CALLED, waits_s=self._spec.call_s)
         self._log.say("called", drive=drive.title, drivers=names)
         if server.pace == REAL:
             # A person may have been ready long ago; drivers' programs say it again, karts' once.
@@ -103,9 +116,10 @@ class LiveEvent:
             return self._with_missing(RaceRecord("", ()), drive)
         for number in there:
             session.seats[number].is_ready = False
+        self._board.show(self.day, EventPhase.ON_TRACK)
         server.watchdog.rest()  # a course may take its time
-        result = server.drive(self._lined_up(drive, set(there)))
-        record = self._recorded(drive, result)
+        server.drive(self._lined_up(drive, set(there)))
+        record = self._recorded(drive)
         server.reopen()
         return record
 
@@ -122,12 +136,15 @@ class LiveEvent:
                 order[seat] = place
         return replace(drive.scenario, karts=karts, grid_order=tuple(order))
 
-    def _recorded(self, drive: Drive, result: RaceResult) -> RaceRecord | None:
+    def _recorded(self, drive: Drive) -> RaceRecord | None:
         """Return the record of the race that is over; None for one that was stopped."""
-        session = self._server.session
-        if session.phase is not Phase.FINISHED:
-            return None
-        return self._with_missing(self._record_of(session, result.events), drive)
+        is_over = self._server.session.phase is Phase.FINISHED
+        return self._record_now(drive) if is_over else None
+
+    def _record_now(self, drive: Drive) -> RaceRecord:
+        """Return the record of the race in the session, as far as it was driven."""
+        record = self._record_of(self._server.session, self._server.events)
+        return self._with_missing(record, drive)
 
     def _with_missing(self, record: RaceRecord, drive: Drive) -> RaceRecord:
         """Return a record with the teams that did not come to their drive."""
@@ -142,10 +159,17 @@ class LiveEvent:
         return record_of(session, self._teams, incidents)
 
     def _review(self, drive: Drive) -> None:
-        """Leave the stewards their time after a stage, or a round of one."""
+        """Leave the stewards their time after a stage, or a round of one, and all protests."""
+        self._desk.block = drive.block
         if self._spec.review_s > 0.0:
+            self._board.show(self.day, EventPhase.REVIEWED, waits_s=self._spec.review_s)
             self._log.say("provisional", stage=drive.block, review_s=self._spec.review_s)
             self._server.lobby.wait_until(lambda: False, self._spec.review_s)
+        if self._desk.is_busy:
+            self._board.show(self.day, EventPhase.REVIEWED)
+            self._log.warn("waiting for the decision on a protest", stage=drive.block)
+            self._server.lobby.wait_until(lambda: not self._desk.is_busy)
+        self._desk.block = ""
 
     # What is written down
 
@@ -175,7 +199,13 @@ class LiveEvent:
         except ScenarioError as error:
             self._log.warn("a decision changes no classification", why=str(error))
             return
+        self._desk.correct(self._raced)
+        self._announce()
+
+    def _announce(self) -> None:
+        """Write down and send what has changed in the results."""
         self._save()
+        self._board.renew()
         self._changed(self.day, self.state)
 
     def _save(self) -> None:
@@ -189,7 +219,13 @@ class LiveEvent:
             for one in self.state.entrants
         )
         records = tuple(self.day.records)
-        self.state = replace(self.state, entrants=entrants, epoch=session.epoch, records=records)
+        self.state = replace(
+            self.state,
+            entrants=entrants,
+            epoch=session.epoch,
+            records=records,
+            protests=self.day.protests,
+        )
         self._server.watchdog.rest()
         self._file.write(self.state)
 
@@ -225,10 +261,13 @@ class LiveEvent:
         server, drive = self._server, self.day.next
         for seat in server.session.seats:
             seat.is_ready = False
-        result = server.resume(recording, events)
+        if drive is not None:
+            self._desk.block = drive.block
+        self._board.show(self.day, EventPhase.ON_TRACK, resumes=True)
+        server.resume(recording, events)
         occasion = server.session.scenario.occasion
         if drive is not None and occasion == drive.scenario.occasion:
-            record = self._recorded(drive, result)
+            record = self._recorded(drive)
         else:
             record = None
         server.reopen()

@@ -18,6 +18,15 @@ class Phase(IntEnum):
     FINISHED = 3
 
 
+class EventPhase(IntEnum):
+    """Where an event of several attempts and races stands."""
+
+    CALLED = 0  # the server waits for the drivers of the next attempt or race
+    ON_TRACK = 1
+    REVIEWED = 2  # stewards may still change the results of a stage
+    OVER = 3
+
+
 class Flag(IntEnum):
     """The flag shown to karts."""
 

@@ -8,8 +8,17 @@ import pytest
 
 from race_server.core.messages import Button, Control
 from race_server.errors import WireError
-from race_server.net.wire import drive, lobby, parking, spectate
-from support.messages import EVENTS, LOT, ORDER, STANDINGS, WELCOME, snapshot
+from race_server.net.wire import drive, ghosts, lobby, parking, programme, spectate
+from support.messages import (
+    EVENTS,
+    GHOST,
+    LOT,
+    ORDER,
+    PROGRAMME,
+    STANDINGS,
+    WELCOME,
+    snapshot,
+)
 
 SCHEMAS = Path(__file__).parents[2] / "schemas"
 CONTROL = drive.encode_control(
@@ -26,6 +35,8 @@ WRITTEN = {
     ("session", "Briefing"): lobby.encode_welcome(WELCOME),
     ("drive", "ParkingOrder"): parking.encode_order(ORDER),
     ("spectate", "Lot"): parking.encode_lot(LOT),
+    ("spectate", "Programme"): programme.encode_programme(PROGRAMME),
+    ("spectate", "Ghosts"): ghosts.encode_ghosts(4, (GHOST,)),
     ("session", "Reply"): lobby.encode_reply("no"),
 }
 
@@ -35,6 +46,8 @@ DECODERS: dict[tuple[str, str], Callable[[bytes], object]] = {
     ("spectate", "Snapshot"): spectate.decode_snapshot,
     ("drive", "ParkingOrder"): parking.decode_order,
     ("spectate", "Lot"): parking.decode_lot,
+    ("spectate", "Programme"): programme.decode_programme,
+    ("spectate", "Ghosts"): ghosts.decode_ghosts,
     ("spectate", "Events"): spectate.decode_events,
     ("spectate", "Standings"): spectate.decode_standings,
 }

@@ -18,7 +18,19 @@ from race_server.core.alert import Alert, Danger
 from race_server.core.messages import Button, Control, Flag, Phase, Pose, Source, Standing
 from race_server.core.vehicle_presets import LORRY, TT02
 from race_server.errors import SeatError, WireError
-from race_server.net.wire import admin, drive, line, links, lobby, parking, rays, spectate, topics
+from race_server.net.wire import (
+    admin,
+    drive,
+    ghosts,
+    line,
+    links,
+    lobby,
+    parking,
+    programme,
+    rays,
+    spectate,
+    topics,
+)
 from race_server.net.wire import alert as alerts
 from race_server.net.wire import pose as poses
 from race_server.net.wire.generate import PAGE_TARGET, TARGET, generate, generate_page
@@ -27,12 +39,14 @@ from race_server.net.wire.topics import key_of
 from support.messages import (
     COURSE,
     EVENTS,
+    GHOST,
     HUD,
     LINE,
     LINKS,
     LOT,
     ORDER,
     PARKED,
+    PROGRAMME,
     RAYS,
     STANDINGS,
     TIMED,
@@ -311,6 +325,16 @@ def test_rays_come_back_as_they_were_sent() -> None:
     assert same(decode_rays(rays.encode_rays(RAYS)), RAYS)
 
 
+def test_an_event_comes_back_as_it_was_sent() -> None:
+    assert programme.decode_programme(programme.encode_programme(PROGRAMME)) == PROGRAMME
+
+
+def test_a_ghost_comes_back_as_it_was_sent() -> None:
+    epoch, (back,) = ghosts.decode_ghosts(ghosts.encode_ghosts(4, (GHOST,)))
+    assert epoch == 4
+    assert same(back, GHOST)
+
+
 MESSAGES = [
     (drive.decode_control, drive.encode_control(drive.ControlFrame(1, 2, 3, Control(0.5)))),
     (poses.decode_pose, poses.encode_pose(poses.PoseFrame(1, 2, 3, Pose(4, 5.0, 6.0, 0.7, 8.0)))),
@@ -330,6 +354,8 @@ MESSAGES = [
     (parking.decode_lot, parking.encode_lot(LOT)),
     (parking.decode_order, parking.encode_order(ORDER)),
     (decode_rays, rays.encode_rays(RAYS)),
+    (programme.decode_programme, programme.encode_programme(PROGRAMME)),
+    (ghosts.decode_ghosts, ghosts.encode_ghosts(4, (GHOST,))),
 ]
 
 

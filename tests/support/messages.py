@@ -12,6 +12,7 @@ from race_server.core.messages import (
     Ending,
     Event,
     EventKind,
+    EventPhase,
     Flag,
     Merit,
     Parking,
@@ -26,7 +27,17 @@ from race_server.core.messages import (
 )
 from race_server.core.parking_order import ParkingOrder, Slot
 from race_server.core.vehicle_presets import TT02
-from race_server.net.wire import drive, line, links, lobby, parking, rays, spectate
+from race_server.net.wire import (
+    drive,
+    ghosts,
+    line,
+    links,
+    lobby,
+    parking,
+    programme,
+    rays,
+    spectate,
+)
 
 
 def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
@@ -113,4 +124,30 @@ LINKS = links.LinksFrame(
 RAYS = rays.RaysFrame(
     *(600, 7, 1.5, -2.5, 0.25, 0.5, 3.5, 8.0, np.ones(201, "f4")),
     *(0.0, 80.0, np.linspace(-1, 1, 9, dtype="f4"), np.ones(9, "f4"), np.arange(9, dtype="u1")),
+)
+
+PROGRAMME = programme.ProgrammeFrame(
+    event="cup 2026-11-23",
+    title="Time trial",
+    phase=EventPhase.ON_TRACK,
+    now=programme.Call("Time trial: 7 Anna, attempt 2", ("7 Anna",)),
+    limit_s=300.0,
+    until_us=2**40,
+    driven=3,
+    drives=4,
+    has_points=True,
+    attempts=2,
+    coming=(programme.Call("Time trial: Bert, attempt 2", ("Bert",)),),
+    teams=(
+        programme.TeamRow("Bert", 1, 1, 25, 6_047_000, (6_047_000,), 1, (), "out of time"),
+        programme.TeamRow(
+            *("7 Anna", 0, 0, 5, 0, (0,), 1),
+            (programme.DeletedLap(1, 2, "touched a border"),),
+        ),
+    ),
+    stage="Time trial",
+)
+_STEPS = np.arange(4, dtype=np.float32)
+GHOST = ghosts.GhostFrame(
+    "Bert", 1, True, False, 3_000_000, _STEPS, 2.0 * _STEPS, -_STEPS, 5.0 * _STEPS
 )

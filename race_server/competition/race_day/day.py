@@ -4,13 +4,15 @@ The same for an event inside one process (`run_day`) and one on the network
 (`race_server.competition.live_event`).
 """
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 from race_server.competition.race_day.formats import Races, TimeTrial
 from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.points import place_points
+from race_server.competition.race_day.protest import UPHELD, Protest, result_of
 from race_server.competition.race_day.qualify import trial_result
 from race_server.competition.race_day.race import LocalRace, rehearse
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
@@ -21,6 +23,8 @@ from race_server.scenario.race import Occasion, Scenario
 from race_server.storage.results.keeper import Keeper
 
 Tell = Callable[[str], None]
+# The title of an attempt or a race, and its teams.
+Call = tuple[str, tuple[Team, ...]]
 
 
 @dataclass(frozen=True)
@@ -31,34 +35,49 @@ class Drive:
     session: str  # name in the results of a day in one process
     grid: tuple[Team, ...]  # pole position first
     scenario: Scenario
+    stage: TimeTrial | Races
     block: str  # until the next block begins its results may change: they order no grid before
+    coming: tuple[Call, ...]  # after it in the same stage, or round; the grids are not known yet
 
 
 class Day:
     """An event: the drive that comes next, and the results of those before."""
 
-    def __init__(self, plan: DayPlan, event: str = "", records: Iterable[RaceRecord] = ()) -> None:
-        """Begin, or go on after the drives with these records. event: its name, empty for none."""
-        self.plan, self.event = plan, event or plan.session
+    def __init__(
+        self,
+        plan: DayPlan,
+        event: str = "",
+        records: Iterable[RaceRecord] = (),
+        protests: tuple[Protest, ...] = (),
+    ) -> None:
+        """Begin, or go on after the drives with these records.
+
+        event: its name, empty for none; protests: so far.
+        """
+        self.plan, self.event, self.protests = plan, event or plan.session, protests
         self._scenarios: dict[tuple[str, str, int], Scenario] = {}
         self._begin()
         for record in records:
             self.add(record)
 
     def _begin(self) -> None:
-        self.ledger = Ledger(self.plan.format, self.plan.teams)
-        self.records: list[RaceRecord] = []
-        self._blocks: list[str] = []  # of the drives so far
+        self.ledger = Ledger(self.plan.format, self.plan.teams, protests=self.protests)
+        self.records: list[RaceRecord] = []  # as they were driven
+        self.results: list[RaceRecord] = []  # with what protests changed
+        self.driven: list[Drive] = []
         self._drives = self._run()
         self.next: Drive | None = next(self._drives, None)
 
     def add(self, record: RaceRecord) -> None:
         """Record the drive that was next."""
         assert self.next is not None
-        self._blocks.append(self.next.block)
+        number = len(self.records)
+        upheld = [p for p in self.protests if p.drive == number and p.verdict == UPHELD]
+        self.driven.append(self.next)
         self.records.append(record)
+        self.results.append(result_of(record, upheld))
         try:
-            self.next = self._drives.send(record)
+            self.next = self._drives.send(self.results[-1])
         except StopIteration:
             self.next = None
 
@@ -68,12 +87,26 @@ class Day:
         Raises:
             ScenarioError: its stage, or its round of races, is over: others were grouped by it.
         """
-        if self._blocks[number] != self._blocks[-1]:
-            raise ScenarioError(f"{self._blocks[number]} is over, and {self._blocks[-1]} has begun")
-        records = [*self.records[:number], record, *self.records[number + 1 :]]
+        block, newest = self.driven[number].block, self.driven[-1].block
+        if block != newest:
+            raise ScenarioError(f"{block} is over, and {newest} has begun")
+        self._drive_again([*self.records[:number], record, *self.records[number + 1 :]])
+
+    def rule(self, protests: tuple[Protest, ...]) -> None:
+        """Replace the protests, and all that follows from them."""
+        self.protests = protests
+        self._drive_again(self.records)
+
+    def _drive_again(self, records: Sequence[RaceRecord]) -> None:
         self._begin()
-        for one in records:
-            self.add(one)
+        for record in records:
+            self.add(record)
+
+    def with_record(self, record: RaceRecord) -> "Day":
+        """Return the event as it would be after the drive that is next."""
+        other = copy(self)
+        other._drive_again([*self.records, record])
+        return other
 
     def _run(self) -> Generator[Drive, RaceRecord, None]:
         for stage in self.plan.format.stages:
@@ -88,43 +121,46 @@ class Day:
         """Run the attempts of every team, all first ones before the second ones."""
         plan = self.plan
         attempts: dict[str, list[TeamResult]] = {team.name: [] for team in plan.teams}
-        for number in range(1, stage.attempts + 1):
-            for team in plan.teams:
-                common = self._scenario(stage, stage.track, 1)
-                title = f"{stage.name}: {team.name}, attempt {number}"
-                scenario = plan.attempt(stage, common, team.name, number)
-                session = f"{plan.session}-{_slug(stage.name)}"
-                record = yield self._drive(title, session, [team], scenario, stage.name)
-                attempts[team.name].append(record.drives[0])
-                done = trial_result(stage, common.course, attempts)
-                if number == 1 and team is plan.teams[0]:
-                    self.ledger.stages.append(done)
-                self.ledger.stages[-1] = done
+        turns = [(team, number) for number in range(1, stage.attempts + 1) for team in plan.teams]
+        calls = [(attempt_title(stage, *turn), turn[:1]) for turn in turns]
+        for place, (team, number) in enumerate(turns):
+            common = self._scenario(stage, stage.track, 1)
+            scenario = plan.attempt(stage, common, team.name, number)
+            session = f"{plan.session}-{_slug(stage.name)}"
+            record = yield self._drive(calls[place:], session, scenario, stage, stage.name)
+            attempts[team.name].append(record.drives[0])
+            done = trial_result(stage, common.course, attempts)
+            if place == 0:
+                self.ledger.stages.append(done)
+            self.ledger.stages[-1] = done
 
     def _run_round(self, stage: Races, turn: int) -> Generator[Drive, RaceRecord, None]:
         """Run the races of one round. The groups stay together; the grid follows the standings."""
         plan, ledger = self.plan, self.ledger
         groups = plan.groups(stage, ledger.order())
-        for letter in stage.tracks:
-            for number, group in enumerate(groups, start=1):
-                title = stage.name + (f" {number}" if len(groups) > 1 else "")
-                title += f", round {turn}" if stage.rounds > 1 else ""
-                grid = [team for team in ledger.order() if team in group]
-                common = self._scenario(stage, letter, len(grid))
-                scenario = replace(common, seed=plan.seed_of(title, letter))
-                session, block = f"{plan.session}-{_slug(title)}", f"{stage.name} {turn}"
-                said = f"{title}, track {letter}"
-                record = yield self._drive(said, session, grid, scenario, block)
-                points = {
-                    drive.team: place_points(drive.place, stage.points, stage.finishing)
-                    for drive in record.drives
-                }
-                label = Label(title, turn, number)
-                names = record.grid or tuple(team.name for team in grid)
-                heat = Heat(label, letter, common.course, names, record, points)
-                result = ledger.stages[-1]
-                assert isinstance(result, RacesResult)
-                ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
+        turns = [
+            (letter, number, group, _race_title(stage, turn, number if len(groups) > 1 else 0))
+            for letter in stage.tracks
+            for number, group in enumerate(groups, start=1)
+        ]
+        calls = [(f"{title}, track {letter}", tuple(group)) for letter, _, group, title in turns]
+        for place, (letter, number, group, title) in enumerate(turns):
+            grid = tuple(team for team in ledger.order() if team in group)
+            calls[place] = (calls[place][0], grid)
+            common = self._scenario(stage, letter, len(grid))
+            scenario = replace(common, seed=plan.seed_of(title, letter))
+            session, block = f"{plan.session}-{_slug(title)}", f"{stage.name} {turn}"
+            record = yield self._drive(calls[place:], session, scenario, stage, block)
+            points = {
+                drive.team: place_points(drive.place, stage.points, stage.finishing)
+                for drive in record.drives
+            }
+            label = Label(title, turn, number)
+            names = record.grid or tuple(team.name for team in grid)
+            heat = Heat(label, letter, common.course, names, record, points)
+            result = ledger.stages[-1]
+            assert isinstance(result, RacesResult)
+            ledger.stages[-1] = replace(result, heats=(*result.heats, heat))
 
     def _scenario(self, stage: TimeTrial | Races, letter: str, karts: int) -> Scenario:
         """Return what all races of a stage on one track share; solved lines are kept."""
@@ -136,10 +172,28 @@ class Day:
         return self._scenarios[key]
 
     def _drive(
-        self, title: str, session: str, grid: list[Team], scenario: Scenario, block: str
+        self,
+        calls: Sequence[Call],
+        session: str,
+        scenario: Scenario,
+        stage: TimeTrial | Races,
+        block: str,
     ) -> Drive:
+        """Return the first of these calls as a drive."""
+        (title, grid), *coming = calls
         occasion = Occasion(self.event, self.plan.format.name, title)
-        return Drive(title, session, tuple(grid), replace(scenario, occasion=occasion), block)
+        timed = replace(scenario, occasion=occasion)
+        return Drive(title, session, grid, timed, stage, block, tuple(coming))
+
+
+def attempt_title(stage: TimeTrial, team: Team, number: int) -> str:
+    """Return the title of an attempt. number: from 1."""
+    return f"{stage.name}: {team.name}, attempt {number}"
+
+
+def _race_title(stage: Races, turn: int, number: int) -> str:
+    """Return the title of a race. number: of its group, from 1; 0 where there is one group."""
+    return stage.name + (f" {number}" * (number > 0)) + (f", round {turn}" * (stage.rounds > 1))
 
 
 def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:

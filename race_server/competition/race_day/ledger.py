@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from race_server.competition.race_day.formats.format import LAP, Format, Races, TimeTrial
+from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
 from race_server.scenario.track.course import Course
 
@@ -74,6 +75,7 @@ class Ledger:
     format: Format
     teams: tuple[Team, ...]
     stages: list[TrialResult | RacesResult] = field(default_factory=list)
+    protests: tuple[Protest, ...] = ()
 
     def trials(self) -> list[TrialResult]:
         """Return the time trials that were driven."""

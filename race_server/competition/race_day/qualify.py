@@ -6,7 +6,6 @@ from race_server.competition.race_day.formats.format import LAP, TimeTrial
 from race_server.competition.race_day.ledger import TrialResult, TrialRow
 from race_server.competition.race_day.points import falling_points
 from race_server.competition.race_day.record import TeamResult
-from race_server.competition.time_trial.run_spec import FLYING
 from race_server.scenario.track.course import Course
 
 
@@ -40,6 +39,6 @@ def counted_us(stage: TimeTrial, drive: TeamResult) -> int:
     """
     failure_us = round(stage.failure_s * 1e6)
     if stage.counts == LAP:
-        laps = drive.clean_laps_us(first=2 if stage.start == FLYING else 1)
+        laps = drive.clean_laps_us(stage.first_lap)
         return min(min(laps) + drive.stewards_us, failure_us) if laps else failure_us
     return min(drive.time_us, failure_us) if drive.place > 0 else failure_us

@@ -1,5 +1,6 @@
 """A race day as plain data: the document that `--json` prints."""
 
+from dataclasses import asdict
 from typing import Any
 
 from race_server.competition.event_state import EventState
@@ -20,6 +21,7 @@ def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
         else:
             stages.append({"name": stage.stage.name, "races": [_heat(h) for h in stage.heats]})
     rows = ledger.classification()
+    protests = [asdict(protest) for protest in ledger.protests]
     return {
         "format": plan.format.name,
         "title": plan.format.title,
@@ -30,6 +32,7 @@ def day_document(plan: DayPlan, ledger: Ledger) -> dict[str, Any]:
         "stages": stages,
         "classification": [_final(row) for row in rows],
         "podium": [row.team for row in rows if 1 <= row.place <= 3],
+        **({"protests": protests} if protests else {}),
     }
 
 

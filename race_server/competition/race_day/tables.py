@@ -37,7 +37,19 @@ def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
             tables += [
                 heat_table(heat, has_points=bool(stage.stage.points)) for heat in stage.heats
             ]
+    if ledger.protests:
+        tables.append(_protest_table(ledger))
     return [*tables, final_table(ledger)]
+
+
+def _protest_table(ledger: Ledger) -> DayTable:
+    """Return all protests with what was decided."""
+    rows = tuple(
+        (str(one.number), one.title, one.by, one.against, one.why, one.outcome)
+        for one in ledger.protests
+    )
+    columns = ("", "about", "by", "against", "why", "decision")
+    return DayTable("Protests", columns, rows, frozenset(columns[1:]))
 
 
 def trial_table(trial: TrialResult) -> DayTable:

@@ -10,10 +10,12 @@ from race_server.live.client.clock_offset import ClockOffset
 from race_server.live.client.event_stream import EventStream
 from race_server.net.wire import topics
 from race_server.net.wire.alert import AlertsFrame, decode_alerts
+from race_server.net.wire.ghosts import decode_ghosts
 from race_server.net.wire.line import decode_line
 from race_server.net.wire.links import decode_links
 from race_server.net.wire.lobby import CourseSheet, decode_course, decode_rules
 from race_server.net.wire.parking import LotFrame, decode_lot
+from race_server.net.wire.programme import ProgrammeFrame, decode_programme
 from race_server.net.wire.spectate import (
     SnapshotFrame,
     StandingsFrame,
@@ -34,6 +36,8 @@ _DECODERS: dict[Topic, Callable[[bytes], Any]] = {
     topics.LINKS: decode_links,
     topics.LOT: decode_lot,
     topics.ALERTS: decode_alerts,
+    topics.PROGRAMME: decode_programme,
+    topics.GHOSTS: decode_ghosts,
     topics.EVENTS: decode_events,
     topics.RECENT: decode_events,
     topics.COURSE: decode_course,
@@ -61,6 +65,7 @@ class RaceView:
         self.course: CourseSheet | None = None
         self.lot: LotFrame | None = None  # of a car park
         self.alerts: AlertsFrame | None = None  # of real karts
+        self.programme: ProgrammeFrame | None = None  # of an event
         self.events = EventStream(most_events)
         self.offset = ClockOffset()
         self.damaged = 0  # messages that could not be decoded
@@ -91,6 +96,8 @@ class RaceView:
             self.lot = message
         if topic is topics.ALERTS:
             self.alerts = message
+        if topic is topics.PROGRAMME:
+            self.programme = message
         return Update()
 
     def _receive_snapshot(self, frame: SnapshotFrame, now_s: float) -> Update:

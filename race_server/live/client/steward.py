@@ -1,5 +1,7 @@
 """A steward's client: asks a session for what only a steward may do."""
 
+from typing import Any
+
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision, decode_log, encode_decision
@@ -19,15 +21,15 @@ class StewardClient:
         self._token = token
         self._who = who
 
-    def decide(self, act: str, *, seat: int = -1, value: float = 0.0) -> str:
-        """Send a decision and return its line of the log.
+    def decide(self, act: str, **what: Any) -> str:
+        """Send a decision and return its line of the log. what: the other fields of `Decision`.
 
         Raises:
             SeatError: the server refuses, with its reason.
             LinkError: no answer.
         """
         challenge, _ = self._ask()
-        decision = Decision(self._token, act, seat, value, challenge, self._who)
+        decision = Decision(self._token, act, challenge=challenge, who=self._who, **what)
         check_reply(self._link.ask(topics.ACT, encode_decision(decision)))
         return self.log()[-1]
 

@@ -12,10 +12,9 @@ from race_server.live.gateway.frames import frame_of
 from race_server.live.gateway.limits import GatewayLimits
 
 # Kinds of messages of which only the newest counts.
-SNAPSHOT, STANDINGS, LINKS, LOT, ALERTS, RAYS, HUD, OWN_POSE, OWN_ALERT, POSITION = (
-    *("snapshot", "standings", "links", "lot", "alerts", "rays"),
-    *("hud", "own pose", "own alert", "position"),
-)
+SNAPSHOT, STANDINGS, LINKS, LOT, ALERTS = "snapshot", "standings", "links", "lot", "alerts"
+PROGRAMME, GHOSTS = "programme", "ghosts"
+RAYS, HUD, OWN_POSE, OWN_ALERT, POSITION = "rays", "hud", "own pose", "own alert", "position"
 
 
 class FrameSink(Protocol):

@@ -8,7 +8,16 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from race_server.live.client.race_view import RaceView, Update
-from race_server.live.gateway.audience import ALERTS, LINKS, LOT, STANDINGS, Audience, Viewer
+from race_server.live.gateway.audience import (
+    ALERTS,
+    GHOSTS,
+    LINKS,
+    LOT,
+    PROGRAMME,
+    STANDINGS,
+    Audience,
+    Viewer,
+)
 from race_server.live.gateway.frames import (
     EVENTS_PER_FRAME,
     MAX_WHOLE_FRAMES,
@@ -23,7 +32,10 @@ from race_server.net.wire.topics import Topic
 
 # What a new viewer is sent before the events, and after them.
 FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
-THEN = (topics.LINKS, topics.LOT, topics.ALERTS, topics.SNAPSHOT)
+THEN = (
+    *(topics.LINKS, topics.LOT, topics.ALERTS, topics.PROGRAMME, topics.GHOSTS),
+    topics.SNAPSHOT,
+)
 # Messages that are kept for new viewers and published when they change; of some only the newest
 # counts for a browser that reads slowly.
 _NEWEST = {
@@ -32,6 +44,8 @@ _NEWEST = {
     topics.LINKS: LINKS,
     topics.LOT: LOT,
     topics.ALERTS: ALERTS,
+    topics.PROGRAMME: PROGRAMME,
+    topics.GHOSTS: GHOSTS,
 }
 _ALL = frozenset({topics.COURSE, topics.RULES, topics.LINE})
 # Events that are remembered: as many as `EventFrames` holds.

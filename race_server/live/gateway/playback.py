@@ -13,25 +13,38 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.core.rules.items import items
 from race_server.errors import GatewayError, RecordingError, TrackError, WireError
-from race_server.live.gateway.audience import LOT, POSITION, RAYS, SNAPSHOT, STANDINGS, Viewer
+from race_server.live.gateway.audience import (
+    LOT,
+    POSITION,
+    PROGRAMME,
+    RAYS,
+    SNAPSHOT,
+    STANDINGS,
+    Viewer,
+)
 from race_server.live.gateway.frames import RecordedEventFrames, event_frames, frame_of
 from race_server.live.gateway.limits import GatewayTiming
 from race_server.live.gateway.rays import RayCaster
 from race_server.live.gateway.requests import Request
 from race_server.net.wire.alert import decode_alerts
+from race_server.net.wire.ghosts import decode_ghosts
 from race_server.net.wire.line import encode_line
 from race_server.net.wire.lobby import encode_course, encode_rules
 from race_server.net.wire.parking import LotFrame, decode_lot
+from race_server.net.wire.programme import decode_programme
 from race_server.net.wire.rays import encode_rays
 from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode_standings
 from race_server.storage.recording.channels import ALERTS as ALERT_LINES
-from race_server.storage.recording.channels import LOTS, SNAPSHOTS
+from race_server.storage.recording.channels import GHOSTS, LOTS, PROGRAMMES, SNAPSHOTS
 from race_server.storage.recording.channels import STANDINGS as TABLES
 from race_server.storage.recording.scenario_codec import unpack_scenario
 from race_server.storage.recording.seekable import Moment, SeekableRecording
 
 Answer = TypeVar("Answer")
+
+# What is driven against stands within the first ticks of a recording.
+FIRST_TICKS = TICKS_PER_SECOND
 
 
 class Player:
@@ -58,7 +71,7 @@ class Player:
         self._position_at = self._cast_at = 0.0
         self._snapshot: SnapshotFrame | None = None
         self._caster: RayCaster | None = None
-        self._has_lot = False
+        self._has_lot = self._is_of_event = False
         self._has_real_karts = any(row.is_tracked for row in recording.start.seats)
         self._lot: LotFrame | None = None  # of a car park
 
@@ -114,21 +127,25 @@ class Player:
             scenario = unpack_scenario(start.setting, start.arrays)
             course = course_sheet(scenario)
             self._has_lot = scenario.course.lot is not None
+            self._is_of_event = scenario.occasion is not None
             self._caster = RayCaster(course, scenario.lidar, scenario.radar)
         except (RecordingError, TrackError) as error:
             raise GatewayError("no-recording", str(error)) from error
         names = [item.name for item in items()]
+        ghosts = self._recording.newest(GHOSTS, FIRST_TICKS) if self._is_of_event else None
         return [
             encode_course(course),
             encode_rules(rules_sheet(scenario), names),
             encode_line(line_sheet(scenario)),
+            *([ghosts.data] if ghosts and _is_sound(decode_ghosts, ghosts) else []),
         ]
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""
-        table, lot, alerts, snapshot, events = await self._run_in_pool(
+        table, programme, lot, alerts, snapshot, events = await self._run_in_pool(
             lambda: (
                 self._recording.newest(TABLES, tick),
+                self._recording.newest(PROGRAMMES, tick) if self._is_of_event else None,
                 self._recording.newest(LOTS, tick) if self._has_lot else None,
                 self._recording.newest(ALERT_LINES, tick) if self._has_real_karts else None,
                 self._recording.newest(SNAPSHOTS, tick),
@@ -140,6 +157,8 @@ class Player:
         outbox = self._viewer.outbox
         if table is not None and _is_sound(decode_standings, table):
             outbox.send(table.data)
+        if programme is not None and _is_sound(decode_programme, programme):
+            outbox.send(programme.data)
         if lot is not None and self._decode_lot(lot):
             outbox.send(lot.data)
         if alerts is not None and _is_sound(decode_alerts, alerts):
@@ -173,6 +192,9 @@ class Player:
         table, snapshot, lot = newest.get(TABLES), newest.get(SNAPSHOTS), newest.get(LOTS)
         if table is not None and _is_sound(decode_standings, table):
             outbox.send_newest(STANDINGS, frame_of(table.data))
+        programme = newest.get(PROGRAMMES)
+        if programme is not None and _is_sound(decode_programme, programme):
+            outbox.send_newest(PROGRAMME, frame_of(programme.data))
         if lot is not None and self._decode_lot(lot):
             outbox.send_newest(LOT, frame_of(lot.data))
         # Each of them: at a high speed a short one would be missed.

@@ -14,7 +14,9 @@ from race_server.storage.queue import Ticket
 from race_server.storage.recording.channels import (
     ALERTS,
     EVENTS,
+    GHOSTS,
     LOTS,
+    PROGRAMMES,
     SCENE,
     SNAPSHOTS,
     STANDINGS,
@@ -37,6 +39,7 @@ class Journal:
         self._session = session
         self._frame = frame
         self._recorder = recorder
+        self._ghosts = b""  # that are in the recording
         self._names = {row.number: row.driver for row in frame.seats}
         vehicle = session.scenario.vehicle_of(0)
         self._size = (vehicle.length, vehicle.width)
@@ -97,6 +100,11 @@ class Journal:
             recorder.write(LOTS, tick, payload)
         elif topic is topics.ALERTS:
             recorder.write(ALERTS, tick, payload)
+        elif topic is topics.PROGRAMME:
+            recorder.write(PROGRAMMES, tick, payload)
+        elif topic is topics.GHOSTS and payload != self._ghosts:
+            self._ghosts = payload
+            recorder.write(GHOSTS, tick, payload)
 
     def _draw(self, snapshot: bytes, at: int) -> bytes:
         """Return a snapshot as a scene. at: time [ns since 1970]."""

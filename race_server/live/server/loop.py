@@ -13,11 +13,11 @@ from race_server.live.server.counters import Counters, Refusals
 from race_server.live.server.inbox import Inbox
 from race_server.live.server.lobby import Lobby
 from race_server.live.server.persistence import Persistence
-from race_server.live.server.publisher import Publisher
+from race_server.live.server.publisher import Board, Publisher
 from race_server.live.server.requests import RequestHandler
 from race_server.live.server.result import RaceResult
 from race_server.live.server.session_log import SessionLog
-from race_server.live.server.steward import Steward
+from race_server.live.server.steward import Court, Steward
 from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import no_garbage_collected
 from race_server.live.server.wheels import VALET, Wheels
@@ -111,6 +111,10 @@ class RaceServer:
             result = self.race()
         return result
 
+    def hold(self, board: Board, court: Court) -> None:
+        """Send spectators the event that the races are part of, and let it take protests."""
+        self._publisher.board, self._steward.court = board, court
+
     def stop(self) -> None:
         """End the race at the next tick; what was driven counts."""
         self._stop = True
@@ -169,7 +173,7 @@ class RaceServer:
 
     def _race_on(self, events: list[Event]) -> RaceResult:
         self.events = events
-        self._publisher.publish_standings()
+        self._publisher.begin()
         try:
             with no_garbage_collected():
                 if self.pace == LOCKSTEP:
@@ -276,6 +280,7 @@ class RaceServer:
         self._publisher.publish_snapshot()
         if before // STANDINGS_TICKS != self.session.tick // STANDINGS_TICKS:
             self._yardstick.look()
+            self._publisher.publish_event()
             self._publisher.publish_standings()
             self.counters.refused.record_dropped(self.link.dropped)
 
@@ -317,6 +322,7 @@ class RaceServer:
         self.poll()
         self.counters.refused.record_dropped(self.link.dropped)
         self._requests.free_deserted_seats()
+        self._publisher.publish_event()
         return not self._stop
 
     def _publish_observations(self) -> None:

@@ -33,12 +33,27 @@ from race_server.session import Session
 from race_server.session.parking import are_driven, has_lot
 from race_server.session.seats import Seat
 
+# Between two messages of an event [s], and after how many of them the ghosts are sent again.
+EVENT_S, GHOSTS_EVERY = 0.5, 4
+
 
 class Sink(Protocol):
     """Takes what spectators are sent: a link sends it, a recording keeps it."""
 
     def publish(self, topic: Topic, payload: bytes) -> None:
         """Take a message of a topic."""
+
+
+class Board(Protocol):
+    """An event of several races as messages; empty where there is nothing to send."""
+
+    @property
+    def programme(self) -> bytes:
+        """What is on, what comes, and the classification."""
+
+    @property
+    def ghosts(self) -> bytes:
+        """What is driven against now."""
 
 
 class Publisher:
@@ -65,6 +80,8 @@ class Publisher:
         self._order_stop_us = 0  # due again
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
+        self.board: Board | None = None  # of the event that the race is part of
+        self._event_at, self._turn = 0.0, 0  # when the event was sent, and how often
 
     def publish_seats(self, *, but: Container[int]) -> None:
         """Send every seat whose driver is there its observation, and what acts on its kart."""
@@ -141,10 +158,29 @@ class Publisher:
         if self._session.is_on:
             self._publish(topics.LINKS, encode_links(links_of(self._session)))
 
+    def publish_event(self) -> None:
+        """Send the event as it stands, twice a second however often this is called."""
+        now = time.monotonic()
+        if self.board is None or now < self._event_at:
+            return
+        self._event_at, self._turn = now + EVENT_S, self._turn + 1
+        if programme := self.board.programme:
+            self._publish(topics.PROGRAMME, programme)
+        if self._turn % GHOSTS_EVERY == 0 and (ghosts := self.board.ghosts):
+            self._publish(topics.GHOSTS, ghosts)
+
+    def begin(self) -> None:
+        """Send what all must know of a race that has just begun."""
+        self._event_at, self._turn = 0.0, -1
+        self.publish_event()
+        self.publish_standings()
+
     def record_standings(self) -> None:
         """Record how all ended, before the recording does."""
         *_, recording = self._sinks
         recording.publish(topics.STANDINGS, encode_standings(standings_of(self._session)))
+        if self.board is not None:
+            recording.publish(topics.PROGRAMME, self.board.programme)
 
     def publish_end(self) -> None:
         """Send the end of a race, whose result is written."""

@@ -4,6 +4,7 @@ import secrets
 from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime
+from typing import Protocol
 
 from race_server.core.messages import Flag
 from race_server.errors import Reason, SeatError
@@ -14,6 +15,16 @@ from race_server.session import Session
 MOST_LINES = 500
 # A penalty beyond this is a slip of the finger.
 MOST_PENALTY_S = 600.0
+
+
+class Court(Protocol):
+    """Takes protests in an event, and what stewards decide on them."""
+
+    def lodge(self, by: int, against: int, why: str) -> str:
+        """Lodge a protest of one seat against another, and return a sentence on it."""
+
+    def decide(self, number: int, seconds: float, who: str) -> str:
+        """Uphold a protest with seconds on the time, or dismiss it with 0; return a sentence."""
 
 
 def _refuse_to_park(_seat: int, _slot: int) -> None:
@@ -46,6 +57,7 @@ class Steward:
         self.challenge = secrets.randbits(63) | 1
         self.lines: deque[str] = deque(maxlen=MOST_LINES)
         self.wants_restart = False
+        self.court: Court | None = None  # only in an event
 
     def check(self, decision: Decision) -> None:
         """Do nothing for a request that shows the steward's token.
@@ -101,13 +113,33 @@ class Steward:
         self._session.race_control.pause(is_paused=False)
         return "the clock goes on"
 
-    def _penalty(self, decision: Decision) -> str:
-        if not 0.0 < decision.value <= MOST_PENALTY_S:
+    def _protest(self, decision: Decision) -> str:
+        if not decision.note.strip():
+            raise SeatError("a protest needs a reason: say why", Reason.DECISION)
+        return self._need_court().lodge(decision.seat, decision.against, decision.note)
+
+    def _uphold(self, decision: Decision) -> str:
+        self._check_penalty(decision.value)
+        return self._need_court().decide(decision.protest, decision.value, decision.who)
+
+    def _dismiss(self, decision: Decision) -> str:
+        return self._need_court().decide(decision.protest, 0.0, decision.who)
+
+    def _need_court(self) -> Court:
+        if self.court is None:
+            raise SeatError("protests are for events: serve one with --format", Reason.DECISION)
+        return self.court
+
+    @staticmethod
+    def _check_penalty(seconds: float) -> None:
+        if not 0.0 < seconds <= MOST_PENALTY_S:
             raise SeatError(
-                f"a penalty of {decision.value:g} s: give more than 0 and at most "
-                f"{MOST_PENALTY_S:g} s",
+                f"a penalty of {seconds:g} s: give more than 0 and at most {MOST_PENALTY_S:g} s",
                 Reason.DECISION,
             )
+
+    def _penalty(self, decision: Decision) -> str:
+        self._check_penalty(decision.value)
         sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
         if not self._session.is_on:
             driver = self._penalise_late(decision.seat, decision.value)
@@ -170,4 +202,7 @@ _ACTS: dict[str, Callable[[Steward, Decision], str]] = {
     "restart": Steward._restart,
     "park": Steward._park,
     "use": Steward._use,
+    "protest": Steward._protest,
+    "uphold": Steward._uphold,
+    "dismiss": Steward._dismiss,
 }

@@ -5,14 +5,18 @@ from dataclasses import dataclass
 
 import flatbuffers
 
+from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import AdminLog, AdminRequest
 from race_server.net.wire.lobby import check_reply
-from race_server.net.wire.strict import MOST_NAME, root_of
+from race_server.net.wire.strict import MOST_NAME, UTF8_BYTES, Table, root_of
 
-I16, U64, F64 = struct.Struct("<h"), struct.Struct("<Q"), struct.Struct("<d")
+I16, U16 = struct.Struct("<h"), struct.Struct("<H")
+U64, F64 = struct.Struct("<Q"), struct.Struct("<d")
 LOG_ID, REPLY_ID = b"RALG", b"RRPL"
 MOST_LOG, MOST_LINES = 1 << 18, 1024
+# Characters of the reason for a protest.
+MOST_NOTE = 120
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,9 @@ class Decision:
     value: float = 0.0
     challenge: int = 0
     who: str = ""
+    against: int = -1  # of a protest: seat of the team that it is against
+    protest: int = 0  # its number
+    note: str = ""
 
 
 def encode_decision(decision: Decision) -> bytes:
@@ -32,6 +39,7 @@ def encode_decision(decision: Decision) -> bytes:
     builder = flatbuffers.Builder(128)
     token, act = builder.CreateString(decision.token), builder.CreateString(decision.act)
     who = builder.CreateString(decision.who[:MOST_NAME])
+    note = builder.CreateString(decision.note[:MOST_NOTE]) if decision.note else 0
     AdminRequest.Start(builder)
     AdminRequest.AddToken(builder, token)
     AdminRequest.AddAct(builder, act)
@@ -39,6 +47,10 @@ def encode_decision(decision: Decision) -> bytes:
     AdminRequest.AddValue(builder, decision.value)
     AdminRequest.AddChallenge(builder, decision.challenge)
     AdminRequest.AddWho(builder, who)
+    AdminRequest.AddAgainst(builder, decision.against)
+    AdminRequest.AddProtest(builder, decision.protest)
+    if note:
+        AdminRequest.AddNote(builder, note)
     builder.Finish(AdminRequest.End(builder), topics.ACT.identifier)
     return bytes(builder.Output())
 
@@ -50,15 +62,25 @@ def decode_decision(data: bytes) -> Decision:
         WireError: damaged, oversized or foreign.
     """
     table = root_of(data, topics.ACT.identifier, topics.ACT.most_bytes)
-    place = table.field(2, 2)
+    note = table.text(8, MOST_NOTE * UTF8_BYTES) if table.field(8, 4) else ""
+    if not note.isprintable():
+        raise WireError(f"reason {note[:MOST_NOTE]!r}: use printable characters")
     return Decision(
         token=table.text(0, 64),
         act=table.text(1, 16),
-        seat=int(I16.unpack_from(data, place)[0]) if place else -1,
+        seat=_seat_in(table, 2),
         value=table.number(3, F64),
         challenge=table.scalar(4, U64),
         who=table.name(5, least=0),
+        against=_seat_in(table, 6),
+        protest=table.scalar(7, U16),
+        note=note[:MOST_NOTE],
     )
+
+
+def _seat_in(table: Table, slot: int) -> int:
+    place = table.field(slot, I16.size)
+    return int(I16.unpack_from(table.data, place)[0]) if place else -1
 
 
 def encode_log(challenge: int, lines: list[str]) -> bytes:

@@ -75,6 +75,8 @@ STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, 
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
 ALERTS = Topic("out/alerts", "Alerts", b"RALS", "out", "as they change, 2 Hz", 4096, True, True)
 LOT = Topic("out/lot", "Lot", b"RLOT", "out", "2 Hz", 131072, True, True)
+PROGRAMME = Topic("out/programme", "Programme", b"RPRG", "out", "2 Hz", 131072, True, True)
+GHOSTS = Topic("out/ghosts", "Ghosts", b"RGHO", "out", "0.5 Hz", 1 << 20, True, True)
 
 # The seat is in the key, so that access rules distinguish seats; `any` for any free one.
 JOIN = Topic(
@@ -103,7 +105,7 @@ LINE = Topic("q/line", "→ Line", b"RLIN", "query", "", 0, False, False, SHARED
 RECENT = Topic("q/events", "→ Events", b"REVT", "query", "", 0, False, False, SHARED_HZ)
 TABLE = Topic("q/standings", "→ Standings", b"RSTD", "query", "", 0, False, False, SHARED_HZ)
 
-ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 512, False, True, QUERY_HZ)
+ACT = Topic("admin/act", "AdminRequest → Reply", b"RADM", "admin", "", 1024, False, True, QUERY_HZ)
 ACTS = Topic(
     "admin/log", "AdminRequest → AdminLog", b"RADM", "admin", "", 512, False, False, QUERY_HZ
 )
@@ -126,6 +128,8 @@ TOPICS = (
     LINKS,
     ALERTS,
     LOT,
+    PROGRAMME,
+    GHOSTS,
     JOIN,
     READY,
     LEAVE,

@@ -52,10 +52,12 @@ EVENTS = ChannelKind("out/events", "spectate.Events")
 STANDINGS = ChannelKind("out/standings", "spectate.Standings")
 LOTS = ChannelKind("out/lot", "spectate.Lot")
 ALERTS = ChannelKind("out/alerts", "spectate.Alerts")
+PROGRAMMES = ChannelKind("out/programme", "spectate.Programme")
+GHOSTS = ChannelKind("out/ghosts", "spectate.Ghosts")
 # What Foxglove draws, see `scene.py`.
 SCENE = ChannelKind("scene", "foxglove.SceneUpdate", "json")
 
 CHANNELS = (
     *(START, INPUTS, PLACEMENTS, ACTS, GRANTED, DIGEST, LAPS),
-    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, SCENE),
+    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, PROGRAMMES, GHOSTS, SCENE),
 )

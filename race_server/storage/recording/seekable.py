@@ -23,7 +23,9 @@ from race_server.storage.recording.channels import (
     ALERTS,
     DIGEST,
     EVENTS,
+    GHOSTS,
     LOTS,
+    PROGRAMMES,
     SNAPSHOTS,
     STANDINGS,
     START,
@@ -43,7 +45,9 @@ from race_server.storage.recording.reader import NANOSECONDS, learn
 KEPT_CHUNKS = 8
 # Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
-_SHOWN = {kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS)}
+_SHOWN = {
+    kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, PROGRAMMES, GHOSTS)
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,15 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
+
+import numpy as np
 
 from race_server.core.messages import PoseFault, Trust
 from race_server.errors import WireError
 from race_server.net.wire.alert import decode_alerts
+from race_server.net.wire.ghosts import GhostFrame, decode_ghosts
 from race_server.net.wire.journal import (
     decode_acts,
     decode_digest,
@@ -18,6 +21,7 @@ from race_server.net.wire.journal import (
 )
 from race_server.net.wire.parking import BLOCK_NAMES, GOAL, TRAILER_NAMES, decode_lot
 from race_server.net.wire.placement import decode_placements
+from race_server.net.wire.programme import decode_programme
 from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
 from race_server.session.interventions import InterventionKind
 from race_server.storage.recording.channels import (
@@ -25,11 +29,13 @@ from race_server.storage.recording.channels import (
     ALERTS,
     DIGEST,
     EVENTS,
+    GHOSTS,
     GRANTED,
     INPUTS,
     LAPS,
     LOTS,
     PLACEMENTS,
+    PROGRAMMES,
     SCENE,
     SNAPSHOTS,
     STANDINGS,
@@ -144,6 +150,20 @@ def _alerts(data: bytes) -> Words:
     }
 
 
+def _programme(data: bytes) -> Words:
+    return decode_programme(data).as_json()
+
+
+def _ghosts(data: bytes) -> Words:
+    _, ghosts = decode_ghosts(data)
+    return {"ghosts": [_plain(ghost) for ghost in ghosts]}
+
+
+def _plain(ghost: GhostFrame) -> Words:
+    values = ((field.name, getattr(ghost, field.name)) for field in fields(ghost))
+    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values}
+
+
 _READERS: dict[str, Callable[[bytes], Words]] = {
     START.key: _start,
     INPUTS.key: _inputs,
@@ -156,6 +176,8 @@ _READERS: dict[str, Callable[[bytes], Words]] = {
     EVENTS.key: _events,
     STANDINGS.key: _standings,
     LOTS.key: _lot,
+    PROGRAMMES.key: _programme,
+    GHOSTS.key: _ghosts,
     ALERTS.key: _alerts,
     SCENE.key: json.loads,
 }

@@ -15,7 +15,7 @@ from race_server.session import Session
 from race_server.session.lap_log import Lap
 from race_server.session.seats import Seat
 from race_server.storage.queue import Ticket
-from race_server.storage.results.store import FINISHED, STOPPED, Entry, Outcome, Race
+from race_server.storage.results.store import FINISHED, STOPPED, Correction, Entry, Outcome, Race
 from race_server.storage.results.writer import Writer
 from race_server.version import __version__
 
@@ -54,6 +54,10 @@ class Keeper:
         if self._outcome is not None:
             self._outcome = replace(self._outcome, standings=tuple(standings))
             self._writer.submit(self._outcome).wait(HOLD_S)
+
+    def correct(self, correction: Correction) -> None:
+        """Change the result of a race of an event, and wait until that is done."""
+        self._writer.submit(correction).wait(HOLD_S)
 
     def add_laps(self, laps: Iterable[Lap]) -> Ticket:
         """Hand laps over to the file, and return the ticket of the last."""

@@ -68,11 +68,20 @@ class Outcome:
     standings: tuple[Standing, ...]
 
 
+@dataclass(frozen=True)
+class Correction:
+    """The result of a race of an event, after stewards changed it: that of any race so far."""
+
+    event: str
+    title: str
+    rows: tuple[tuple[int, int, int, int], ...]  # rank, race_time_us, penalty_us, seat
+
+
 # Fields of a race that are no columns of its table, and those that are empty without an event.
 _NO_COLUMNS = ("entries", "is_taken_up")
 _OF_AN_EVENT = ("event", "format", "title")
 
-Change = Race | Lap | Trace | Outcome
+Change = Race | Lap | Trace | Outcome | Correction
 
 # How the numbers of a trace lie in the file, whatever machine wrote them.
 TRACE_TYPE = np.dtype("<f4")
@@ -126,6 +135,8 @@ class Store:
                     self._add_lap(race, change)
                 elif isinstance(change, Trace):
                     self._add_trace(race, change)
+                elif isinstance(change, Correction):
+                    self._correct(change)
                 else:
                     self._end_race(race, change)
         self._race = race
@@ -195,6 +206,13 @@ class Store:
                 )
                 for row in outcome.standings
             ],
+        )
+
+    def _correct(self, change: Correction) -> None:
+        self._connection.executemany(
+            "update entry set rank = ?, race_time_us = ?, penalty_us = ? where seat = ? and race = "
+            "(select max(id) from race where event = ? and title = ?)",
+            [(*row, change.event, change.title) for row in change.rows],
         )
 
     def _tidy(self) -> None:

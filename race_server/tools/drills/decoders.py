@@ -18,6 +18,7 @@ from race_server.core.messages import (
     Control,
     Event,
     EventKind,
+    EventPhase,
     Flag,
     Phase,
     Pose,
@@ -38,6 +39,7 @@ from race_server.net.wire import (
     admin,
     alert,
     drive,
+    ghosts,
     journal,
     line,
     links,
@@ -45,6 +47,7 @@ from race_server.net.wire import (
     parking,
     placement,
     pose,
+    programme,
     spectate,
     topics,
 )
@@ -195,6 +198,20 @@ def _of_races() -> Iterator[Decoder]:
     yield _client(asked, parking.decode_order, topics.ORDER.most_bytes)
     lot = parking.LotFrame(2, 600, np.zeros(3, parking.GOAL), np.zeros(4, parking.BLOCK))
     yield _client(parking.encode_lot(lot), parking.decode_lot, topics.LOT.most_bytes)
+    team = programme.TeamRow("é", 1, 1, 5, 9, (9, 0), 1, (programme.DeletedLap(1, 2, "why"),))
+    call = programme.Call("Heat 1", ("é", "me"))
+    shown = programme.ProgrammeFrame(
+        *("cup", "Cup", EventPhase.ON_TRACK, call, 60.0, 7, 1, 4, True, 2),
+        *((call,), (team, team), "Heat"),
+    )
+    yield _client(
+        programme.encode_programme(shown),
+        programme.decode_programme,
+        topics.PROGRAMME.most_bytes,
+    )
+    samples = [np.arange(3, dtype=np.float32)] * 4
+    ghost = ghosts.GhostFrame("é", 1, True, False, 9, *samples)
+    yield _client(ghosts.encode_ghosts(2, (ghost,)), ghosts.decode_ghosts, topics.GHOSTS.most_bytes)
     snapshot = spectate.SnapshotFrame(
         *(7, 2, 600, 0.5, Phase.RUNNING, Flag.YELLOW, np.zeros(3, spectate.KART)),
         *(np.array([1, 0, 1], np.uint8), np.zeros(2, spectate.HAZARD)),

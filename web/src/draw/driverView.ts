@@ -85,7 +85,7 @@ export class DriverView {
   private solidsOf(own: KartFrame, frame: SnapshotFrame, race: Race): Solid[] {
     const { view, length } = this;
     const rivals = frame.karts.filter(
-      (kart) => kart.seat !== own.seat && kart.status !== Status.ABSENT,
+      (kart) => kart !== own && kart.status !== Status.ABSENT,
     );
     return [
       ...wallSolids(this.walls, own, view, WALL_HEIGHT * length, REACH * length),

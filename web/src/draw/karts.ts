@@ -70,10 +70,10 @@ function drawKart(context: CanvasRenderingContext2D, kart: KartFrame, style: Kar
   context.globalAlpha = 1;
 }
 
-/** Returns the opacity of a kart: one that is out of the race is faint. */
+/** Returns the opacity of a kart: a ghost, and one that is out of the race, is faint. */
 export function opacityOf(kart: KartFrame): number {
   const isOut = kart.status === Status.RETIRED || (kart.flags & KartFlag.SUSPENDED) !== 0;
-  return isOut ? 0.4 : 1;
+  return isOut || kart.isGhost ? 0.4 : 1;
 }
 
 /** Returns how long karts are on the picture [pixels]. */

@@ -19,7 +19,7 @@ export function startDrawing(
     handle = requestAnimationFrame(turn);
     const begunMs = performance.now();
     const { buffer } = visit.race;
-    const frame = buffer.sample(begunMs);
+    const frame = visit.race.withGhost(buffer.sample(begunMs));
     draw(frame);
     const doneMs = performance.now();
     if (!currentPlace().showsStats) return;

@@ -15,6 +15,7 @@ export interface OwnLap {
   bestUs: number;
   toBestS: number; // NaN if unknown
   toReferenceS: number;
+  toGhostS: number;
   item: number;
   zone: Zone | null; // of the reference line here; null before the start
   isImmune: boolean;
@@ -37,6 +38,7 @@ export function ownLap(race: Race, kart: KartFrame): OwnLap {
     lastUs: row?.lastLapUs ?? 0,
     bestUs: row?.bestLapUs ?? 0,
     ...deltasOf(race, kart.seat),
+    toGhostS: race.toGhostS(kart.seat),
     item: kart.item,
     zone: isOnTheWay ? (race.line?.zones[race.line.nearest(kart.x, kart.y)] ?? null) : null,
     isImmune: (kart.flags & KartFlag.IMMUNE) !== 0,

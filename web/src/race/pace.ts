@@ -17,7 +17,7 @@ export class Pace {
   private speed = 0;
   private hasCrossed = false;
 
-  constructor(private readonly lapLength: number) {}
+  constructor(readonly lapLength: number) {}
 
   /** Records the position of the kart at a tick. isEarly: shortly after the start. */
   note(kart: KartFrame, tick: number, isEarly: boolean): void {

@@ -11,6 +11,7 @@ import type {
   KartAlert,
   KartFrame,
   LotFrame,
+  ProgrammeFrame,
   RaysFrame,
   RulesFrame,
   SnapshotFrame,
@@ -21,6 +22,7 @@ import { TICKS_PER_SECOND } from './clock';
 import { SnapshotBuffer } from './buffer';
 import { Course } from './course';
 import { InputAges } from './ages';
+import { Ghost, type GhostChoice, chosenGhost } from './ghost';
 import { type ToldAlert, isNews } from './alerts';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
@@ -73,6 +75,9 @@ export class Race {
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
   toldAlerts = $state.raw<readonly ToldAlert[]>([]); // what they said, oldest first
   briefing = $state.raw<BriefingFrame | null>(null);
+  programme = $state.raw<ProgrammeFrame | null>(null); // of an event
+  ghosts = $state.raw<readonly Ghost[]>([]);
+  ghostChoice = $state<GhostChoice>('best');
 
   readonly buffer: SnapshotBuffer;
   readonly ownKart = new OwnKart();
@@ -84,11 +89,12 @@ export class Race {
   rays: RaysFrame | null = null;
   private sectors = new Sectors();
   private ages = new InputAges();
-  private epoch = -1; // of the snapshots
+  private epoch = $state(-1); // of the snapshots
   private told = -1; // epoch of the events
   private lastTold = 0; // number of the newest alert: below zero, where events have none
   private readMs = -Infinity;
   private seen = new Set<number>();
+  private ghostEpoch = $state(-1); // of the race that the ghosts are for
 
   constructor(private readonly isRecording = false) {
     this.buffer = new SnapshotBuffer(isRecording);
@@ -125,6 +131,13 @@ export class Race {
       case 'lot':
         this.lot = frame;
         return;
+      case 'programme':
+        this.programme = frame;
+        return;
+      case 'ghosts':
+        this.ghosts = frame.ghosts.map((ghost) => new Ghost(ghost));
+        this.ghostEpoch = frame.epoch;
+        return;
       case 'hud':
         this.hud = frame;
         return;
@@ -154,6 +167,28 @@ export class Race {
 
   kart(seat: number): KartFrame | null {
     return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
+  }
+
+  /** The ghost of the race that is on, as chosen. */
+  get ghost(): Ghost | null {
+    return this.ghostEpoch === this.epoch ? chosenGhost(this.ghosts, this.ghostChoice) : null;
+  }
+
+  /** Returns a snapshot with the ghost beside the kart that drives alone. */
+  withGhost(frame: SnapshotFrame | null): SnapshotFrame | null {
+    const { ghost } = this;
+    const [kart] = frame?.karts ?? [];
+    const pace = kart && this.paces.get(kart.seat);
+    if (!frame || !ghost || !pace || frame.phase !== Phase.RUNNING) return frame;
+    const shown = ghost.kartAt(frame.tick, pace, this.standings?.startTick ?? 0);
+    return shown ? { ...frame, karts: [...frame.karts, shown] } : frame;
+  }
+
+  /** Returns how much later than the ghost a kart is [s], NaN if unknown. */
+  toGhostS(seat: number): number {
+    const [ghost, pace, frame] = [this.ghost, this.paces.get(seat), this.buffer.newest];
+    if (!ghost || !pace || !frame) return NaN;
+    return ghost.deltaOf(pace, frame.tick, this.standings?.startTick ?? 0);
   }
 
   /** What the own kart says: by itself where it is heard, else as the server tells. */

@@ -30,6 +30,8 @@ import {
   Snapshot,
   Standings,
 } from './tables';
+import { readGhosts, readProgramme } from './decodeEvent';
+import { rowsOf } from './rows';
 
 /** Returns the message in some bytes, null if they are damaged or unknown. */
 export function decode(data: ArrayBuffer): Frame | null {
@@ -60,6 +62,8 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RALR: readOwnAlert,
   RPOS: readOwnPose,
   RBRF: readBriefing,
+  RPRG: readProgramme,
+  RGHO: readGhosts,
 };
 
 function readSnapshot(buffer: ByteBuffer): Frame {
@@ -406,11 +410,3 @@ function readBriefing(buffer: ByteBuffer): Frame {
 }
 
 const NOTHING = new Float64Array();
-
-// No valid message has more rows.
-const MOST_ROWS = 100_000;
-
-function rowsOf<Row>(count: number, read: (row: number) => Row): Row[] {
-  if (count > MOST_ROWS) throw new RangeError(`${count} rows`);
-  return Array.from({ length: count }, (_, row) => read(row));
-}

@@ -6,6 +6,7 @@ export {
   DangerStage,
   Ending,
   EventKind,
+  EventPhase,
   Flag,
   KartFlag,
   Merit,
@@ -24,8 +25,10 @@ export { Line } from './generated/session/line.js';
 export { Rules } from './generated/session/rules.js';
 export { Alerts } from './generated/spectate/alerts.js';
 export { Events } from './generated/spectate/events.js';
+export { Ghosts } from './generated/spectate/ghosts.js';
 export { Lot } from './generated/spectate/lot.js';
 export { Links } from './generated/spectate/links.js';
+export { Programme } from './generated/spectate/programme.js';
 export { Rays } from './generated/spectate/rays.js';
 export { Snapshot } from './generated/spectate/snapshot.js';
 export { Standings } from './generated/spectate/standings.js';

@@ -144,7 +144,9 @@ export class Headset {
     const seenMs = displayMs(ms, xr.predictedDisplayTime, this.session.frameRate ?? USUAL_RATE);
     // On a table a tenth of a second does not matter, and what comes in between is smooth.
     const isNow = choice.view !== 'table' && !visit.isRecording;
-    const frame = isNow ? raceAt(race.buffer, visit.clock, seenMs) : race.buffer.sample(seenMs);
+    const frame = race.withGhost(
+      isNow ? raceAt(race.buffer, visit.clock, seenMs) : race.buffer.sample(seenMs),
+    );
     const prepared = this.stage.prepare(race);
     if (!frame || !prepared) return;
     const { world, sky } = prepared;

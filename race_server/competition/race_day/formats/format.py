@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from race_server.competition.time_trial.run_spec import STANDING
+from race_server.competition.time_trial.run_spec import FLYING, STANDING
 
 # What counts of an attempt in a time trial: the time of all its laps, or its best clean lap.
 RUN, LAP = "run", "lap"
@@ -31,6 +31,11 @@ class TimeTrial:
     least_points: int = 0  # … to this for the slowest
     counts: str = RUN  # of an attempt, see COUNTED; where it is the lap, `race trial`'s rules hold
     start: str = STANDING  # or FLYING, with a lap before those that are timed
+
+    @property
+    def first_lap(self) -> int:
+        """Number of the first lap that is timed."""
+        return 2 if self.start == FLYING else 1
 
 
 @dataclass(frozen=True)

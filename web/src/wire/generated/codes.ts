@@ -9,6 +9,7 @@ export { Cleanness } from './codes/cleanness.js';
 export { DangerStage } from './codes/danger-stage.js';
 export { Ending } from './codes/ending.js';
 export { EventKind } from './codes/event-kind.js';
+export { EventPhase } from './codes/event-phase.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';
 export { Flag } from './codes/flag.js';
 export { InterventionKind } from './codes/intervention-kind.js';

@@ -4,8 +4,12 @@
 
 export { Alerts } from './spectate/alerts.js';
 export { Block } from './spectate/block.js';
+export { Call } from './spectate/call.js';
+export { DeletedLap } from './spectate/deleted-lap.js';
 export { Event } from './spectate/event.js';
 export { Events } from './spectate/events.js';
+export { Ghost } from './spectate/ghost.js';
+export { Ghosts } from './spectate/ghosts.js';
 export { Goal } from './spectate/goal.js';
 export { Hazard } from './spectate/hazard.js';
 export { Kart } from './spectate/kart.js';
@@ -16,10 +20,12 @@ export { Lot } from './spectate/lot.js';
 export { Parking } from './spectate/parking.js';
 export { Planned } from './spectate/planned.js';
 export { PlannedWay } from './spectate/planned-way.js';
+export { Programme } from './spectate/programme.js';
 export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';
 export { Standings } from './spectate/standings.js';
+export { Team } from './spectate/team.js';
 export { Timing } from './spectate/timing.js';
 export { Trailer } from './spectate/trailer.js';
 export { Walker } from './spectate/walker.js';

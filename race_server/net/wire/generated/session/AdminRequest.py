@@ -66,8 +66,29 @@ class AdminRequest(object):
             return self._tab.String(o + self._tab.Pos)
         return None
 
+    # AdminRequest
+    def Against(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(16))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Int16Flags, o + self._tab.Pos)
+        return -1
+
+    # AdminRequest
+    def Protest(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
+        if o != 0:
+            return self._tab.Get(flatbuffers.number_types.Uint16Flags, o + self._tab.Pos)
+        return 0
+
+    # AdminRequest
+    def Note(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(20))
+        if o != 0:
+            return self._tab.String(o + self._tab.Pos)
+        return None
+
 def AdminRequestStart(builder):
-    builder.StartObject(6)
+    builder.StartObject(9)
 
 def Start(builder):
     AdminRequestStart(builder)
@@ -107,6 +128,24 @@ def AdminRequestAddWho(builder, who):
 
 def AddWho(builder, who):
     AdminRequestAddWho(builder, who)
+
+def AdminRequestAddAgainst(builder, against):
+    builder.PrependInt16Slot(6, against, -1)
+
+def AddAgainst(builder, against):
+    AdminRequestAddAgainst(builder, against)
+
+def AdminRequestAddProtest(builder, protest):
+    builder.PrependUint16Slot(7, protest, 0)
+
+def AddProtest(builder, protest):
+    AdminRequestAddProtest(builder, protest)
+
+def AdminRequestAddNote(builder, note):
+    builder.PrependUOffsetTRelativeSlot(8, flatbuffers.number_types.UOffsetTFlags.py_type(note), 0)
+
+def AddNote(builder, note):
+    AdminRequestAddNote(builder, note)
 
 def AdminRequestEnd(builder):
     return builder.EndObject()

@@ -58,8 +58,25 @@ who(optionalEncoding?:any):string|Uint8Array|null {
   return offset ? this.bb!.__string(this.bb_pos + offset, optionalEncoding) : null;
 }
 
+against():number {
+  const offset = this.bb!.__offset(this.bb_pos, 16);
+  return offset ? this.bb!.readInt16(this.bb_pos + offset) : -1;
+}
+
+protest():number {
+  const offset = this.bb!.__offset(this.bb_pos, 18);
+  return offset ? this.bb!.readUint16(this.bb_pos + offset) : 0;
+}
+
+note():string|null
+note(optionalEncoding:flatbuffers.Encoding):string|Uint8Array|null
+note(optionalEncoding?:any):string|Uint8Array|null {
+  const offset = this.bb!.__offset(this.bb_pos, 20);
+  return offset ? this.bb!.__string(this.bb_pos + offset, optionalEncoding) : null;
+}
+
 static startAdminRequest(builder:flatbuffers.Builder) {
-  builder.startObject(6);
+  builder.startObject(9);
 }
 
 static addToken(builder:flatbuffers.Builder, tokenOffset:flatbuffers.Offset) {
@@ -86,6 +103,18 @@ static addWho(builder:flatbuffers.Builder, whoOffset:flatbuffers.Offset) {
   builder.addFieldOffset(5, whoOffset, 0);
 }
 
+static addAgainst(builder:flatbuffers.Builder, against:number) {
+  builder.addFieldInt16(6, against, -1);
+}
+
+static addProtest(builder:flatbuffers.Builder, protest:number) {
+  builder.addFieldInt16(7, protest, 0);
+}
+
+static addNote(builder:flatbuffers.Builder, noteOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(8, noteOffset, 0);
+}
+
 static endAdminRequest(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 4) // token
@@ -93,7 +122,7 @@ static endAdminRequest(builder:flatbuffers.Builder):flatbuffers.Offset {
   return offset;
 }
 
-static createAdminRequest(builder:flatbuffers.Builder, tokenOffset:flatbuffers.Offset, actOffset:flatbuffers.Offset, seat:number, value:number, challenge:bigint, whoOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createAdminRequest(builder:flatbuffers.Builder, tokenOffset:flatbuffers.Offset, actOffset:flatbuffers.Offset, seat:number, value:number, challenge:bigint, whoOffset:flatbuffers.Offset, against:number, protest:number, noteOffset:flatbuffers.Offset):flatbuffers.Offset {
   AdminRequest.startAdminRequest(builder);
   AdminRequest.addToken(builder, tokenOffset);
   AdminRequest.addAct(builder, actOffset);
@@ -101,6 +130,9 @@ static createAdminRequest(builder:flatbuffers.Builder, tokenOffset:flatbuffers.O
   AdminRequest.addValue(builder, value);
   AdminRequest.addChallenge(builder, challenge);
   AdminRequest.addWho(builder, whoOffset);
+  AdminRequest.addAgainst(builder, against);
+  AdminRequest.addProtest(builder, protest);
+  AdminRequest.addNote(builder, noteOffset);
   return AdminRequest.endAdminRequest(builder);
 }
 }

@@ -1,0 +1,63 @@
+"""Protests against a result, and what a record is once they are decided.
+
+A record stays as it was driven. Decisions stand beside it, and each result is worked out from both.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from race_server.competition.race_day.record import RaceRecord, TeamResult
+from race_server.core.clock import MICROSECONDS
+
+OPEN, UPHELD, DISMISSED = "open", "upheld", "dismissed"
+
+
+@dataclass(frozen=True)
+class Protest:
+    """A protest of one team against another, and what stewards decided."""
+
+    number: int  # from 1
+    drive: int  # that it is about: its record, from 0
+    title: str  # of that attempt or race
+    by: str  # team
+    against: str  # team
+    why: str
+    lodged_at: str  # UTC, ISO 8601
+    verdict: str = OPEN  # or UPHELD, DISMISSED
+    seconds: float = 0.0  # added to the time of the team that it is against
+    decided_at: str = ""
+    decided_by: str = ""
+
+    @property
+    def outcome(self) -> str:
+        """The verdict in words."""
+        added = f", +{self.seconds:g} s" if self.seconds else ""
+        return self.verdict + added
+
+
+def result_of(record: RaceRecord, upheld: Iterable[Protest]) -> RaceRecord:
+    """Return a record with what upheld protests about it add, ranked again."""
+    drives = record.drives
+    for protest in upheld:
+        drives = tuple(
+            _penalised(drive, protest) if drive.team == protest.against else drive
+            for drive in drives
+        )
+    if drives == record.drives:
+        return record
+    placed = sorted((drive for drive in drives if drive.place), key=lambda drive: drive.time_us)
+    ranked = [replace(drive, place=place) for place, drive in enumerate(placed, start=1)]
+    out = (drive for drive in drives if not drive.place)
+    return replace(record, drives=(*ranked, *out))
+
+
+def _penalised(drive: TeamResult, protest: Protest) -> TeamResult:
+    added_us = round(protest.seconds * MICROSECONDS)
+    remark = f"+{protest.seconds:g} s protest {protest.number}"
+    return replace(
+        drive,
+        time_us=drive.time_us + added_us if drive.place else 0,
+        penalty_us=drive.penalty_us + added_us,
+        stewards_us=drive.stewards_us + added_us,
+        remark="; ".join(filter(None, (drive.remark, remark))),
+    )

@@ -1,0 +1,92 @@
+"""Protests: lodged while a result may change, decided once, and kept beside what was driven."""
+
+from pathlib import Path
+
+import pytest
+
+from race_server.competition.event_state import Entrant, EventState, read_event
+from race_server.competition.protest_desk import ProtestDesk
+from race_server.competition.race_day.protest import DISMISSED, UPHELD, Protest, result_of
+from race_server.competition.race_day.record import RaceRecord, TeamResult
+from race_server.competition.race_day.tables import tables_of
+from race_server.errors import SeatError
+from race_server.storage.results.queries import races
+from support.served_event import EVENING, Served, spec_of
+
+
+def driven(team: str, place: int, time_us: int) -> TeamResult:
+    return TeamResult(team, place, 1, time_us, time_us, (time_us,), 0, 0, 0, 0, "")
+
+
+RACE = RaceRecord("0a", (driven("Anna", 1, 10_000_000), driven("Bert", 2, 12_000_000)))
+
+
+def desk_after(*records: RaceRecord, said: list[str] | None = None) -> ProtestDesk:
+    """Return the desk of an evening of two teams after some drives: attempts, then a heat."""
+    entrants = tuple(
+        Entrant(seat, team, team, "lidar", "00") for seat, team in enumerate(("Anna", "Bert"))
+    )
+    tracks = dict.fromkeys("AB", "oval")
+    state = EventState("cup", "2026-11-23", EVENING, tracks, "tt02", 1, "lockstep", False, entrants)
+    day = state.day()
+    for record in records:
+        day.add(record)
+    desk = ProtestDesk(day, state, None, lambda: (said or []).append("changed"))
+    desk.block = day.driven[-1].block
+    return desk
+
+
+def attempts() -> tuple[RaceRecord, RaceRecord]:
+    return tuple(RaceRecord("0a", (driven(team, 1, 9_000_000),)) for team in ("Anna", "Bert"))  # type: ignore[return-value]
+
+
+def test_an_upheld_protest_adds_its_seconds_and_ranks_again() -> None:
+    protest = Protest(1, 2, "Heat", "Bert", "Anna", "cut", "now", UPHELD, 5.0)
+    first, second = result_of(RACE, [protest]).drives
+    assert [(one.team, one.place, one.time_us) for one in (first, second)] == [
+        ("Bert", 1, 12_000_000),
+        ("Anna", 2, 15_000_000),
+    ]
+    assert second.remark == "+5 s protest 1"
+    assert result_of(RACE, []) is RACE
+
+
+def test_a_protest_is_decided_once_and_dismissed_it_changes_nothing() -> None:
+    desk = desk_after(*attempts(), RACE)
+    assert desk.lodge(1, 0, " cut the chicane ") == "protest 1: Bert against Anna, Heat, track B"
+    assert desk.is_busy
+    assert desk.decide(1, 0.0, "marshal") == "protest 1 dismissed"
+    assert not desk.is_busy
+    with pytest.raises(SeatError, match="protest 1 is decided: dismissed"):
+        desk.decide(1, 5.0, "marshal")
+    (protest,) = desk._day.protests
+    assert (protest.why, protest.verdict, protest.decided_by) == (
+        *("cut the chicane", DISMISSED, "marshal"),
+    )
+    assert desk._day.results == desk._day.records
+
+
+def test_a_result_is_not_protested_against_once_its_stage_is_closed() -> None:
+    desk = desk_after(*attempts())
+    desk.block = ""
+    with pytest.raises(SeatError, match="Anna has no result that may still change"):
+        desk.lodge(1, 0, "cut")
+    with pytest.raises(SeatError, match="no team of the event has seat 7"):
+        desk.lodge(1, 7, "cut")
+    with pytest.raises(SeatError, match="against itself"):
+        desk.lodge(1, 1, "cut")
+
+
+def test_a_protest_stands_in_event_file_results_file_and_sheet(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    day = served.run(protest_after=2, penalised=0, seconds=60.0)
+    assert [row.team for row in day.ledger.classification()] == ["follow_gap", "raceline"]
+    (path,) = tmp_path.glob("cup-*.event.json")
+    state = read_event(path)
+    assert [one.place for one in state.records[2].drives if one.team == "raceline"] == [1]
+    assert state.day().ledger.classification() == day.ledger.classification()
+    table = next(table for table in tables_of(day.plan, day.ledger) if table.title == "Protests")
+    assert table.rows[0][2:] == ("follow_gap", "raceline", "cut the chicane", "upheld, +60 s")
+    rows = {row["driver"]: row for row in races(tmp_path / "results.sqlite")[0]["entries"]}
+    assert (rows["follow_gap"]["rank"], rows["raceline"]["rank"]) == (1, 2)
+    assert rows["raceline"]["penalty_us"] == 60_000_000
