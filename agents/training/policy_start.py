@@ -21,6 +21,11 @@ from race_server.errors import ScenarioError
 COMPARED = 64  # observations on which the file and the learner have to answer alike
 AWAY = 1000.0  # [m] from the slot in these, where there is one
 
+_OTHER = (
+    "the training has another network, observation, action, lidar or logarithms than this file, or "
+    "does not learn by ppo; make them agree, or leave warm_start.policy out"
+)
+
 Constants = list[NDArray[Any]]
 
 
@@ -43,17 +48,11 @@ def begin_with_policy(path: Path, learner: Any, world: Normaliser) -> None:
         seen = np.random.default_rng(0).normal(size=(COMPARED, size)).astype(np.float32)
         seen[:, places_of(policy.metadata).get(DISTANCE, [])] = AWAY
         off = difference(policy, learner, world, seen)
-    except Exception as error:
+    except Exception as error:  # layers of other shapes fail in many ways
         raise ScenarioError(f"{path}: {_OTHER}") from error
     if off > MOST_DIFFERENCE:
         raise ScenarioError(f"{path}: {_OTHER}")
     show_the_critic(learner.policy)
-
-
-_OTHER = (
-    "the training has another network, observation, action, lidar or logarithms than this file, or "
-    "does not learn by ppo; make them agree, or leave warm_start.policy out"
-)
 
 
 def _constants_in(path: Path) -> dict[str, list[Constants]]:

@@ -48,7 +48,6 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "jack_knife": "1 if a hitch was bent too far, or a trailer touched what draws it, and it "
         "is out",
         "goal_way": "metres that the heuristic says are left",
-        "askew": "radians off the slot's heading, if it is parked now",
     }
 )
 
@@ -105,7 +104,7 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
 STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
-JACK_KNIFE, GOAL_WAY, ASKEW = 15, 16, 17
+JACK_KNIFE, GOAL_WAY = 15, 16
 
 # How the ways d before and d' after a decision become `goal_progress`, with the discount g: d - d';
 # the exact potential d - g d' of Ng, Harada and Russell (1999), where d' = 0 at the end of an
@@ -192,7 +191,6 @@ def _measure(
     terms[PARKED] = 1.0 if ending == codes.IS_PARKED else 0.0
     terms[ALIGNED] = 1.0 if ending == codes.IS_PARKED and is_aligned else 0.0
     terms[MISPARKED] = 1.0 if ending == codes.IS_PARKED and not is_aligned else 0.0
-    terms[ASKEW] = off if ending == codes.IS_PARKED else 0.0
     terms[CRASH] = 1.0 if codes.MET_WALL <= ending <= codes.MET_PERSON else 0.0
     terms[PERSON] = 1.0 if ending == codes.MET_PERSON else 0.0
     terms[LEFT] = 1.0 if ending == codes.HAS_LEFT else 0.0
