@@ -1,4 +1,4 @@
-"""`race policy`: list policies, and verify one."""
+"""`race policy`: list policies, verify one, and join two."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +12,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 
-app = typer.Typer(help="List learned policies, and verify one.")
+app = typer.Typer(help="List learned policies, verify one, and join two.")
 
 UNKNOWN = "–"
 # Metadata beside the observations, with units.
@@ -75,6 +75,30 @@ def check(
         _show(document)
     if not document["ok"]:
         raise typer.Exit(1)
+
+
+@app.command()
+def join(
+    far: Annotated[str, typer.Argument(help="Policy that drives to the slot.")],
+    near: Annotated[str, typer.Argument(help="Policy that drives into it.")],
+    within: Annotated[
+        float, typer.Option(min=0.0, help="Distance to the slot up to which NEAR drives [m].")
+    ],
+    out: Annotated[Path, typer.Option(help="The .onnx file to write.")],
+) -> None:
+    """Write two policies that park as one: FAR drives to the slot, and NEAR into it."""
+    try:
+        from race_agents.training.policy_pair import join_policies
+    except ImportError as error:
+        raise ScenarioError(
+            f"{error.name} is not installed: `pip install race-server[train]` installs it"
+        ) from error
+
+    try:
+        join_policies(out, policy_path(far), policy_path(near), within)
+    except OSError as error:
+        raise ScenarioError(f"{out}: cannot be written: {error.strerror}") from error
+    Console(soft_wrap=True).print(f"{out}, {out.stat().st_size / 1e3:.1f} kB", markup=False)
 
 
 def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:

@@ -217,14 +217,16 @@ class FastPpo(PPO):
                         mine.add_(theirs)
         spread = sum((other.spread_gradient for other in others), first.spread_gradient.copy())
         policy: Any = self.policy
-        policy.log_std.grad = torch.from_numpy(spread - np.float32(self.ent_coef))
+        gradients = [(policy.log_std, torch.from_numpy(spread - np.float32(self.ent_coef)))]
         modules = (
             ([*policy.mlp_extractor.policy_net, policy.action_net], first.actor),
             ([*policy.mlp_extractor.value_net, policy.value_net], first.critic),
         )
         for chain, stack in modules:
             for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
-                module.weight.grad, module.bias.grad = weight, bias
+                gradients += [(module.weight, weight), (module.bias, bias)]
+        for parameter, gradient in gradients:  # an optimiser steps whatever has a gradient
+            parameter.grad = gradient if parameter.requires_grad else None
         torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
         policy.optimizer.step()
 

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from race_agents.policies.registry import BEST, CONFIG, EVALUATION, POLICY, run_folder
+from race_agents.policies.registry import (
+    BEST,
+    CONFIG,
+    EVALUATION,
+    POLICY,
+    policy_path,
+    run_folder,
+)
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import MOST_DIFFERENCE, times_of
 from race_agents.training import curve, folder
@@ -25,6 +32,7 @@ from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.policy_start import begin_with_policy
 from race_agents.training.race_marks import RaceMarks
 from race_agents.training.schedule import Schedule
 from race_agents.training.self_play import SelfPlay
@@ -84,6 +92,8 @@ def train(
     best_score = -np.inf
     if settings.warm_start.run and not resume:
         begin_with(run_folder(settings.warm_start.run) / BEST, learner, world)
+    if settings.warm_start.policy and not resume:
+        begin_with_policy(policy_path(settings.warm_start.policy), learner, world)
     if resume:
         best_score = _restored(settings, place, learner, world, budget, say)
     known = _learned_on(settings)

@@ -193,6 +193,9 @@ class WarmStart(Table):
     # A run with the same network and observation: what was best there is the beginning. With
     # neither teacher nor demonstrations PPO goes on from it at once.
     run: str = ""
+    # The same of a policy file, or of a bundled policy by its name. What values are worth it does
+    # not say, so the critic learns alone at first.
+    policy: str = ""
     share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
     critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
     critic_learning_rate: float | None = Field(default=None, gt=0.0)  # then; None: as afterwards
@@ -231,7 +234,8 @@ class WarmStart(Table):
     @property
     def critic_end(self) -> float:
         """The share of the training from which the actor learns by reward."""
-        return self.share + self.critic_share if self.is_wanted else 0.0
+        alone = self.critic_share if self.is_wanted or self.policy else 0.0
+        return self.end + alone
 
 
 class Cloning(Table):

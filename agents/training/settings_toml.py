@@ -128,7 +128,8 @@ def _check_team(settings: Settings, source: str) -> None:
         "algorithm.name = 'poca' with parking.team: poca takes the mean of all rewards by itself; "
         "leave parking.team out": is_poca and team,
         f"algorithm.name = {name!r} with warm_start: its critic is of another kind than ppo's; "
-        "leave warm_start out": name in {"poca", "mappo"} and settings.warm_start.is_wanted,
+        "leave warm_start out": name in {"poca", "mappo"}
+        and (settings.warm_start.is_wanted or bool(settings.warm_start.policy)),
         "algorithm.name = 'mappo' in a lot: it learns as well from vehicles that wait for others; "
         "set parking.team = true, or choose poca": name == "mappo"
         and parks
@@ -164,6 +165,7 @@ def _check_policies(settings: Settings, source: str) -> None:
             or settings.curiosity.bonus > 0.0
             or settings.warm_start.is_wanted
             or settings.warm_start.run
+            or settings.warm_start.policy
             or settings.goal.model_dump(exclude_none=True)
         ),
         f"action = {settings.action!r} and the vehicles {', '.join(sorted(vehicles))}: advice is "

@@ -58,6 +58,19 @@ def test_it_goes_on_from_its_checkpoint(tmp_path: Any) -> None:
     )
 
 
+def test_a_critic_learns_alone_while_the_actor_is_held() -> None:
+    fast: Any = learned(FastPpo, torch.nn.Tanh)
+    held = [*fast.policy.mlp_extractor.policy_net, fast.policy.action_net]
+    for module in held:
+        module.requires_grad_(requires_grad=False)
+    fast.policy.log_std.requires_grad_(requires_grad=False)
+    before = {name: value.clone() for name, value in fast.policy.state_dict().items()}
+    fast.learn(32 * 64)
+    after = fast.policy.state_dict()
+    changed = {name for name, value in before.items() if not torch.equal(value, after[name])}
+    assert changed == {name for name in before if "value_net" in name}
+
+
 def test_what_is_not_dense_and_gaussian_is_left_to_the_reference() -> None:
     karts = KartVecEnv(ring_task(1, action="discrete"), worlds=2)
     learner = FastPpo("MlpPolicy", karts, n_steps=8, batch_size=8, n_epochs=1, device="cpu")
