@@ -37,7 +37,7 @@ from race_server.core.messages import Control, Event, EventKind, RayHit, Status,
 from race_server.core.observation import Observation
 from race_server.core.rules.items import items
 from race_server.core.vehicle_presets import KART_30, KART_60, TT02
-from race_server.live.server.publisher import hud_of
+from race_server.live.server.hud import hud_of
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from support.courses import ring

@@ -12,7 +12,7 @@ from race_server.core import codes
 from race_server.core.messages import Ending, Event, EventKind, Status
 from race_server.core.vehicle_presets import TT02
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
-from race_server.live.server.publisher import hud_of
+from race_server.live.server.hud import hud_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire.admin import Decision
 from race_server.scenario.race import Rules, Scenario

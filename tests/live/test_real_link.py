@@ -26,7 +26,7 @@ from race_server.core.vehicle_presets import KART_30, TT02
 from race_server.errors import SeatError
 from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.live.server import LOCKSTEP, REAL, RaceServer
-from race_server.live.server.publisher import hud_of
+from race_server.live.server.hud import hud_of
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join

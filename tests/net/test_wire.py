@@ -194,6 +194,15 @@ def test_heads_up_data_comes_back_as_it_was_sent() -> None:
     assert drive.decode_hud(drive.encode_hud(HUD)) == HUD
 
 
+def test_a_writer_of_heads_up_data_writes_one_frame_after_the_other_as_the_generated_code() -> None:
+    writer = drive.HudWriter()
+    bare = replace(HUD, item=0, tick=61, effects=HUD.effects[:0], flag=Flag.GREEN)
+    for frame in (HUD, bare, replace(HUD, tick=62), HUD):
+        data = writer.write(frame)
+        assert data == drive.encode_hud(frame, is_whole=True)
+        assert same(drive.decode_hud(data), frame)
+
+
 def same(one: object, other: object) -> bool:
     """Return whether two sheets hold the same, arrays included."""
     return all(

@@ -20,7 +20,8 @@ from race_server.core.messages import (
 from race_server.core.rules.items import items
 from race_server.core.vehicle_presets import TT02
 from race_server.errors import SeatError, WireError
-from race_server.live.server.publisher import hud_of, snapshot_of
+from race_server.live.server.hud import hud_of
+from race_server.live.server.publisher import snapshot_of
 from race_server.scenario.race import Scenario
 from race_server.session import Session
 from support.tracked import COURSE, RADIUS, TICK_US, Real, drive, mixed

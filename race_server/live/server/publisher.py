@@ -10,13 +10,13 @@ from race_server.core import codes
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
 from race_server.core.state import EFFECTS, Floats, field_of
+from race_server.live.server.hud import hud_of, huds_of, lights_s
 from race_server.live.server.lot import lot_of, order_frame_of, walkers_of
-from race_server.live.server.timing import ServerTiming
 from race_server.live.server.trailers import trailers_of
 from race_server.net.transport import ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.alert import AlertsFrame, encode_alerts
-from race_server.net.wire.drive import EFFECT, HudFrame, ObservationWriter, encode_hud
+from race_server.net.wire.drive import HudWriter, ObservationWriter
 from race_server.net.wire.links import LINK, LinksFrame, encode_links
 from race_server.net.wire.parking import encode_lot, encode_order
 from race_server.net.wire.spectate import (
@@ -30,7 +30,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
-from race_server.session.parking import are_driven, has_lot
+from race_server.session.parking import has_lot
 from race_server.session.seats import Seat
 
 # Between two messages of an event [s], and after how many of them the ghosts are sent again.
@@ -80,15 +80,19 @@ class Publisher:
         self._order_stop_us = 0  # due again
         self._snapshots = SnapshotWriter()
         self._observations: dict[int, ObservationWriter] = {}
+        self._huds = HudWriter()
         self.board: Board | None = None  # of the event that the race is part of
         self._event_at, self._turn = 0.0, 0  # when the event was sent, and how often
 
     def publish_seats(self, *, but: Container[int]) -> None:
         """Send every seat whose driver is there its observation, and what acts on its kart."""
-        for seat in self._session.lined_up():
-            if seat.is_present and seat.number not in but:
-                self._publish_observation(seat)
-                self._publish_hud(seat)
+        seats = [
+            seat for seat in self._session.lined_up() if seat.is_present and seat.number not in but
+        ]
+        frames = huds_of(self._session, seats, self._orders_s)
+        for seat, frame in zip(seats, frames, strict=True):
+            self._publish_observation(seat)
+            self._link.publish(topics.HUD, self._huds.write(frame), seat.number)
 
     def repeat(self, seats: Iterable[Seat], *, but: Container[int]) -> None:
         """Send seats whose driver is there their observation again."""
@@ -121,7 +125,7 @@ class Publisher:
     def _publish_hud(self, seat: Seat) -> None:
         """Send a seat what acts on its kart."""
         frame = hud_of(self._session, seat, self._orders_s)
-        self._link.publish(topics.HUD, encode_hud(frame), seat.number)
+        self._link.publish(topics.HUD, self._huds.write(frame), seat.number)
 
     def _publish_observation(self, seat: Seat) -> None:
         """Send a seat its observation."""
@@ -201,53 +205,6 @@ class Publisher:
     def _publish(self, topic: Topic, payload: bytes) -> None:
         for sink in self._sinks:
             sink.publish(topic, payload)
-
-
-def hud_of(session: Session, seat: Seat, orders_s: float = ServerTiming.orders_s) -> HudFrame:
-    """Return what acts on a seat's kart now, and holds for `orders_s` [s]."""
-    body, racer, player = (
-        session.world.bodies[0, seat.number],
-        session.world.racers[0, seat.number],
-        session.world.players[0, seat.number],
-    )
-    tick = session.tick
-    acting = [effect for effect in player.effects if effect["source"] > 0]
-    effects = np.zeros(len(acting), EFFECT)
-    for row, effect in zip(effects, acting, strict=True):
-        row["item"] = effect["source"]
-        row["remaining"] = max(effect.until_tick - tick, 0) / TICKS_PER_SECOND
-    immune = max(int(player.immune_until), int(player.shield_until)) - tick
-    race, tracker = session.world.races[0], session.tracked_karts.trackers.get(seat.number)
-    is_paused = session.race_control.is_paused
-    is_driven = bool(are_driven(session.world)[seat.number])
-    flag = Flag(max(int(race.flag), int(racer.yellow)))
-    return HudFrame(
-        epoch=session.epoch,
-        tick=tick,
-        # A kart that has finished or retired is to stop, from that tick on, unless it goes to a
-        # slot. Where the clock stands all stop, under red: a kart that is told to stop under
-        # another flag takes itself home.
-        speed_cap=0.0 if is_paused or not is_driven else float(body.speed_cap),
-        thrust_scale=float(body.thrust_scale),
-        grip_scale=float(body.grip_scale),
-        item=int(player.held),
-        immune_s=max(immune, 0) / TICKS_PER_SECOND,
-        effects=effects,
-        sequence=tracker.orders.sequence if tracker else 0,
-        valid_s=orders_s,
-        monotonic_us=time.monotonic_ns() // 1000,
-        lights_s=lights_s(session),
-        flag=Flag.RED if is_paused else flag,
-        trust=tracker.trust if tracker else Trust.SIMULATED,
-        fault=tracker.doubt if tracker else PoseFault.NONE,
-    )
-
-
-def lights_s(session: Session) -> float:
-    """Return the time until the karts may drive [s], 0 once the race runs."""
-    race = session.world.races[0]
-    lights = max(int(race.start_tick), int(race.hold_until)) - session.tick
-    return max(lights, 0) / TICKS_PER_SECOND
 
 
 def snapshot_of(session: Session) -> SnapshotFrame:

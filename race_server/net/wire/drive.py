@@ -5,8 +5,10 @@ The fast encoders patch a message that the generated code built once; the bytes 
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 
 import flatbuffers
 import numpy as np
@@ -195,9 +197,63 @@ def decode_observation(data: bytes) -> ObservationFrame:
     )
 
 
-def encode_hud(frame: HudFrame) -> bytes:
-    """Return heads-up data as a message."""
+Place = tuple[Callable[..., None], int]
+
+# Slot and layout of each number of heads-up data.
+_HUD = {
+    "epoch": (0, U32),
+    "tick": (1, U32),
+    "speed_cap": (2, F32),
+    "thrust_scale": (3, F32),
+    "grip_scale": (4, F32),
+    "item": (5, U8),
+    "immune_s": (6, F32),
+    "sequence": (8, U32),
+    "valid_s": (9, F32),
+    "monotonic_us": (10, U64),
+    "lights_s": (11, F32),
+    "flag": (12, U8),
+    "trust": (13, U8),
+    "fault": (14, U8),
+}
+_numbers_of = attrgetter(*_HUD)
+
+
+class HudWriter:
+    """Writes heads-up data into preallocated messages, one for each count of effects."""
+
+    def __init__(self) -> None:
+        self._templates: dict[int, tuple[bytearray, list[Place], NDArray[np.void]]] = {}
+
+    def write(self, frame: HudFrame) -> bytes:
+        """Return heads-up data as a message."""
+        count = len(frame.effects)
+        template = self._templates.get(count)
+        if template is None:
+            template = self._templates[count] = _hud_template(frame)
+        data, places, effects = template
+        for (pack_into, place), value in zip(places, _numbers_of(frame), strict=True):
+            pack_into(data, place, value)
+        if count:
+            effects[:] = frame.effects
+        return bytes(data)
+
+
+def _hud_template(frame: HudFrame) -> tuple[bytearray, list[Place], NDArray[np.void]]:
+    data = bytearray(encode_hud(frame, is_whole=True))
+    table = root_of(bytes(data), topics.HUD.identifier, topics.HUD.most_bytes)
+    places = [(layout.pack_into, table.field(slot, layout.size)) for slot, layout in _HUD.values()]
+    first, count = table.vector(7, EFFECT.itemsize, MOST_EFFECTS)
+    return data, places, np.frombuffer(data, EFFECT, count, first)
+
+
+def encode_hud(frame: HudFrame, *, is_whole: bool = False) -> bytes:
+    """Return heads-up data as the generated code encodes it: the reference for `HudWriter`.
+
+    is_whole: with the fields that have the value which is read where they are missing.
+    """
     builder = flatbuffers.Builder(256)
+    builder.ForceDefaults(is_whole)
     Hud.StartEffectsVector(builder, len(frame.effects))
     for row in frame.effects[::-1]:
         Effect.CreateEffect(builder, int(row["item"]), float(row["remaining"]))

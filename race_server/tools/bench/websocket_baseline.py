@@ -120,7 +120,7 @@ class PeerServer:
             counters.record_tick(duration, late, counters.missed + skipped)
 
     def _tell_drivers(self) -> None:
-        from race_server.live.server.publisher import hud_of
+        from race_server.live.server.hud import hud_of
 
         session = self.session
         session.observe()
