@@ -78,6 +78,9 @@ def test_a_hundred_spline_courses_bend_no_tighter_than_a_kart_turns(
         ("generated:spline:4:kart", KART_60),
         ("generated:circuit:9", TT02),
         ("generated:circuit:9:kart", KART_60),
+        # Their half-widths, drawn apart, once crossed in between.
+        ("generated:circuit:3000024", TT02),
+        ("generated:circuit:3000041:kart", KART_60),
     ],
 )
 def test_the_loaders_own_check_finds_nothing_wrong(name: str, vehicle: Vehicle) -> None:

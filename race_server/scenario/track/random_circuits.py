@@ -41,6 +41,8 @@ ARC_STEP = math.radians(15.0)
 INSIDE = 1.15
 # The spline bends a little tighter than the arcs that it is drawn through.
 TIGHTER = 0.9
+# Between points far apart the spline of the half-widths may fall below the least by this share.
+NARROWER = 0.35
 # Half-width as a share of the shortest side at most.
 WIDEST = 0.3
 # Samples of the rough and of the last check that two stretches keep apart.
@@ -119,8 +121,10 @@ def _turned(vector: Floats, angle: float) -> Floats:
 
 
 def _is_drivable(points: Floats, least: float, widest: float, apart: float, scale: str) -> bool:
-    """Return whether the spline through points bends wide enough and keeps off itself."""
-    curve = periodic_spline(points, 2.0 * SCALES[scale].spacing)[:, :2]
+    """Return whether the spline through points is wide enough, and bends so, and keeps apart."""
+    curve, halves = np.hsplit(periodic_spline(points, 2.0 * SCALES[scale].spacing), 2)
+    if halves.min() < NARROWER * points[:, 2:].min():
+        return False
     length = float(lengths_of(curve).sum())
     line = resample(curve, max(round(length / (2.0 * SCALES[scale].spacing)), 32))
     _, curvature = derivatives(line)
