@@ -151,6 +151,8 @@ function nearest(posts: readonly Post[], { x, y }: Point): Post | null {
 }
 
 const ABOVE_ANGLE = 0.7;
+// A followed kart is seen from this share of the way from which the whole course is.
+const FOLLOWED = 0.4;
 const [TILT_LEAST, TILT_MOST] = [0.25, 1.5]; // above the ground [rad]
 const MARGIN = 1.12;
 const ZOOM_MOST = 40;
@@ -187,7 +189,7 @@ export class Above {
     this.y = kart ? kart.y : 0.5 * (bottom + top);
     if (!this.isSet) this.turnToFit(course, aspect);
     this.keepDistance(course, aspect);
-    const distance = this.distance / this.zoomed;
+    const distance = (kart ? FOLLOWED : 1) * (this.distance / this.zoomed);
     const flat = distance * Math.cos(this.tilt);
     look.x = this.x + flat * Math.cos(this.turn);
     look.y = this.y + flat * Math.sin(this.turn);
