@@ -1,6 +1,5 @@
 """Encode and decode the steward's requests and their answers."""
 
-import struct
 from dataclasses import dataclass
 
 import flatbuffers
@@ -9,10 +8,9 @@ from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import AdminLog, AdminRequest
 from race_server.net.wire.lobby import check_reply
-from race_server.net.wire.strict import MOST_NAME, UTF8_BYTES, Table, root_of
+from race_server.net.wire.rows import build_vector
+from race_server.net.wire.strict import F64, I16, MOST_NAME, U16, U64, UTF8_BYTES, Table, root_of
 
-I16, U16 = struct.Struct("<h"), struct.Struct("<H")
-U64, F64 = struct.Struct("<Q"), struct.Struct("<d")
 LOG_ID, REPLY_ID = b"RALG", b"RRPL"
 MOST_LOG, MOST_LINES = 1 << 18, 1024
 # Characters of the reason for a protest.
@@ -87,10 +85,7 @@ def encode_log(challenge: int, lines: list[str]) -> bytes:
     """Return the decisions so far, and the challenge for the next request, as a message."""
     builder = flatbuffers.Builder(1024)
     texts = [builder.CreateString(line) for line in lines[-MOST_LINES:]]
-    AdminLog.StartLinesVector(builder, len(texts))
-    for text in reversed(texts):
-        builder.PrependUOffsetTRelative(text)
-    vector = builder.EndVector()
+    vector = build_vector(builder, texts)
     AdminLog.Start(builder)
     AdminLog.AddChallenge(builder, challenge)
     AdminLog.AddLines(builder, vector)

@@ -19,10 +19,8 @@ from race_server.errors import Reason, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.drive import Control as ControlStruct
 from race_server.net.wire.generated.drive import ControlMessage, Effect, Hud, SeatObservation
-from race_server.net.wire.strict import Table, root_of
+from race_server.net.wire.strict import F32, U8, U16, U32, U64, Table, root_of
 
-U8, U16, U32, U64 = (struct.Struct(f"<{letter}") for letter in "BHIQ")
-F32 = struct.Struct("<f")
 CONTROL = struct.Struct("<IIIfffI")
 EFFECT = np.dtype([("item", "<u4"), ("remaining", "<f4")])
 MOST_VALUES = 8192

@@ -1,6 +1,5 @@
 """Encode and decode the laps that spectators see a driver drive against."""
 
-import struct
 from dataclasses import dataclass
 
 import flatbuffers
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Ghost, Ghosts
-from race_server.net.wire.strict import MOST_NAME, UTF8_BYTES, Table, root_of
+from race_server.net.wire.rows import build_vector
+from race_server.net.wire.strict import I64, MOST_NAME, U8, U16, U32, UTF8_BYTES, Table, root_of
 
-U8, U16, U32, I64 = (struct.Struct(f"<{code}") for code in "BHIq")
 # The best of all, and that of the team itself.
 MOST_GHOSTS = 2
 # Ten minutes at 20 Hz.
@@ -62,10 +61,7 @@ def encode_ghosts(epoch: int, ghosts: tuple[GhostFrame, ...]) -> bytes:
         for name, vector in zip(_SAMPLES, vectors, strict=True):
             getattr(Ghost, f"Add{name.capitalize()}")(builder, vector)
         offsets.append(Ghost.End(builder))
-    Ghosts.StartGhostsVector(builder, len(offsets))
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    rows = builder.EndVector()
+    rows = build_vector(builder, offsets)
     Ghosts.Start(builder)
     Ghosts.AddEpoch(builder, epoch)
     Ghosts.AddGhosts(builder, rows)

@@ -4,7 +4,6 @@
 are checked as strictly as messages of the network.
 """
 
-import struct
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,8 +23,8 @@ from race_server.net.wire.generated.journal import (
     Seat,
 )
 from race_server.net.wire.generated.journal import Input as InputStruct
-from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, U16, U32, Table, root_of
+from race_server.net.wire.rows import build_rows, build_vector
+from race_server.net.wire.strict import I64, MOST_NAME, NAME_BYTES, U8, U16, U32, Table, root_of
 
 START, INPUTS, ACTS, DIGEST, LAP = b"RSTA", b"RINP", b"RACT", b"RDIG", b"RLAP"
 GRANTED = b"RGRA"
@@ -40,7 +39,6 @@ INPUT = np.dtype(
     ]
 )
 ACT = np.dtype([("value", "<f8"), ("tick", "<u4"), ("kind", "<u2"), ("kart", "<i2")])
-U8, I64 = struct.Struct("<B"), struct.Struct("<q")
 MOST_SEATS, MOST_ACTS = 64, 4096
 MOST_START, MOST_MESSAGE = 1 << 24, 1 << 17
 MOST_KEY = 64
@@ -79,10 +77,7 @@ def encode_start(frame: StartFrame) -> bytes:
     """Return the start of a race as a message."""
     builder = flatbuffers.Builder(len(frame.arrays) + 8192)
     rows = [_build_seat(builder, seat) for seat in frame.seats]
-    RaceStart.StartSeatsVector(builder, len(rows))
-    for row in reversed(rows):
-        builder.PrependUOffsetTRelative(row)
-    seats = builder.EndVector()
+    seats = build_vector(builder, rows)
     arrays = builder.CreateByteVector(frame.arrays)
     names = ("Session", "Pace", "StartedAt", "Versions", "Setting")
     texts = (frame.session, frame.pace, frame.started_at, frame.versions, frame.setting)

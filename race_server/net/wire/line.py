@@ -1,6 +1,5 @@
 """Encode and decode the reference line for clients."""
 
-import struct
 from dataclasses import dataclass, field
 
 import flatbuffers
@@ -10,9 +9,8 @@ from numpy.typing import NDArray
 from race_server.errors import WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import Line
-from race_server.net.wire.strict import root_of
+from race_server.net.wire.strict import F64, root_of
 
-F64 = struct.Struct("<d")
 # One sample per 5 cm over 25 km.
 MOST_SAMPLES = 1 << 19
 MOST_LINE = 1 << 24

@@ -19,11 +19,11 @@ from race_server.net.wire.generated.session import Briefing as BriefingTable
 from race_server.net.wire.generated.session import Course as CourseTable
 from race_server.net.wire.generated.session import JoinRequest, Reply, Rules, SeatRequest
 from race_server.net.wire.parking import OrderFrame, build_order, read_order
-from race_server.net.wire.strict import U32, root_of
+from race_server.net.wire.rows import build_vector
+from race_server.net.wire.strict import I16, U8, U16, U32, U64, root_of
 
 # Must be equal on both ends; raised with every incompatible change.
 PROTOCOL = 2
-I16, U16, U64 = struct.Struct("<h"), struct.Struct("<H"), struct.Struct("<Q")
 BRIEFING_ID, REPLY_ID, MOST_BRIEFING = b"RBRF", b"RRPL", 1 << 18
 MOST_TEXTS = 256  # in a list: items, rules, figures of a vehicle
 _DAMAGE = (
@@ -138,7 +138,7 @@ def decode_join(data: bytes) -> Join:
         secret=table.scalar(3, U64),
         serial=table.scalar(5, U32),
         version=table.scalar(4, U16),
-        tracked=table.scalar(6, struct.Struct("<B")) != 0,
+        tracked=table.scalar(6, U8) != 0,
     )
 
 
@@ -161,7 +161,7 @@ def decode_seat_act(data: bytes) -> SeatAct:
         WireError: damaged, oversized or foreign.
     """
     table = root_of(data, topics.READY.identifier, topics.READY.most_bytes)
-    ready = table.scalar(2, struct.Struct("<B")) != 0
+    ready = table.scalar(2, U8) != 0
     return SeatAct(table.scalar(0, U16), table.scalar(1, U64), ready, table.scalar(3, U32))
 
 
@@ -184,7 +184,7 @@ def check_reply(data: bytes) -> None:
         WireError: damaged or foreign.
     """
     table = root_of(data, REPLY_ID, 4096)
-    if table.scalar(0, struct.Struct("<B")) == 0:
+    if table.scalar(0, U8) == 0:
         raise SeatError(table.text(1, 2048))
 
 
@@ -196,8 +196,8 @@ def encode_welcome(welcome: Welcome) -> bytes:
     texts = {
         "Preset": builder.CreateString(briefing.preset),
         "Vehicle": builder.CreateString(vehicle.name),
-        "Items": _texts(builder, briefing.items, BriefingTable.StartItemsVector),
-        "VehicleNames": _texts(builder, tuple(numbers), BriefingTable.StartVehicleNamesVector),
+        "Items": _texts(builder, briefing.items),
+        "VehicleNames": _texts(builder, tuple(numbers)),
         "VehicleValues": builder.CreateNumpyVector(np.array(tuple(numbers.values()), "<f8")),
     }
     order = build_order(builder, welcome.order) if welcome.order else 0
@@ -219,12 +219,8 @@ def encode_welcome(welcome: Welcome) -> bytes:
     return bytes(builder.Output())
 
 
-def _texts(builder: Any, texts: Sequence[str], start: Any) -> int:
-    offsets = [builder.CreateString(text) for text in texts]
-    start(builder, len(offsets))
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    return int(builder.EndVector())
+def _texts(builder: Any, texts: Sequence[str]) -> int:
+    return build_vector(builder, [builder.CreateString(text) for text in texts])
 
 
 def decode_welcome(data: bytes) -> Welcome:
@@ -328,9 +324,9 @@ def decode_course(data: bytes) -> CourseSheet:
 def encode_rules(rules: dict[str, str], items: Sequence[str]) -> bytes:
     """Return the rule book as a message."""
     builder = flatbuffers.Builder(2048)
-    names = _texts(builder, list(rules), Rules.StartNamesVector)
-    values = _texts(builder, list(rules.values()), Rules.StartValuesVector)
-    known = _texts(builder, items, Rules.StartItemsVector)
+    names = _texts(builder, list(rules))
+    values = _texts(builder, list(rules.values()))
+    known = _texts(builder, items)
     Rules.Start(builder)
     Rules.AddNames(builder, names)
     Rules.AddValues(builder, values)

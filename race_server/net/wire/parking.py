@@ -21,10 +21,8 @@ from race_server.net.wire.generated.spectate import Block, Goal, Lot
 from race_server.net.wire.generated.spectate import PlannedWay as WayTable
 from race_server.net.wire.generated.spectate.Parking import CreateParking
 from race_server.net.wire.generated.spectate.Planned import CreatePlanned
-from race_server.net.wire.rows import build_rows
-from race_server.net.wire.strict import U32, Table, root_of
-
-U8, U16, F32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<f")
+from race_server.net.wire.rows import build_rows, build_vector
+from race_server.net.wire.strict import F32, U8, U16, U32, Table, root_of
 
 GOAL = np.dtype(
     [
@@ -192,10 +190,7 @@ def _build_ways(builder: Any, ways: tuple[WayFrame, ...]) -> int:
         WayTable.AddSeat(builder, way.seat)
         WayTable.AddPoints(builder, points)
         offsets.append(WayTable.End(builder))
-    Lot.StartWaysVector(builder, len(offsets))
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    return int(builder.EndVector())
+    return build_vector(builder, offsets)
 
 
 def decode_lot(data: bytes) -> LotFrame:

@@ -14,15 +14,9 @@ from race_server.net.wire.generated.spectate import Call as CallTable
 from race_server.net.wire.generated.spectate import DeletedLap as DeletedLapTable
 from race_server.net.wire.generated.spectate import Programme
 from race_server.net.wire.generated.spectate import Team as TeamTable
-from race_server.net.wire.strict import Table, root_of
+from race_server.net.wire.rows import build_vector
+from race_server.net.wire.strict import F64, I32, I64, U8, U16, U32, U64, Table, root_of
 
-U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
-I32, I64, U64, F64 = (
-    struct.Struct("<i"),
-    struct.Struct("<q"),
-    struct.Struct("<Q"),
-    struct.Struct("<d"),
-)
 MOST_TEAMS, MOST_CALLS, MOST_ATTEMPTS, MOST_DELETED = 64, 16, 64, 64
 # Characters of a text; the rest is cut off when it is written.
 MOST_TEXT = 160
@@ -86,8 +80,8 @@ class ProgrammeFrame:
 def encode_programme(frame: ProgrammeFrame) -> bytes:
     """Return an event as a message."""
     builder = flatbuffers.Builder(1024)
-    teams = _vector(builder, [_add_team(builder, row) for row in frame.teams[:MOST_TEAMS]])
-    coming = _vector(builder, [_add_call(builder, one) for one in frame.coming[:MOST_CALLS]])
+    teams = build_vector(builder, [_add_team(builder, row) for row in frame.teams[:MOST_TEAMS]])
+    coming = build_vector(builder, [_add_call(builder, one) for one in frame.coming[:MOST_CALLS]])
     now = _add_call(builder, frame.now) if frame.now else 0
     event, title, stage = (_text(builder, text) for text in (frame.event, frame.title, frame.stage))
     Programme.Start(builder)
@@ -110,7 +104,9 @@ def encode_programme(frame: ProgrammeFrame) -> bytes:
 
 
 def _add_team(builder: Any, row: TeamRow) -> int:
-    deleted = _vector(builder, [_add_deleted(builder, lap) for lap in row.deleted[:MOST_DELETED]])
+    deleted = build_vector(
+        builder, [_add_deleted(builder, lap) for lap in row.deleted[:MOST_DELETED]]
+    )
     attempts = builder.CreateNumpyVector(np.array(row.attempts_us[:MOST_ATTEMPTS], np.int64))
     name, remark = _text(builder, row.name), _text(builder, row.remark)
     TeamTable.Start(builder)
@@ -136,7 +132,7 @@ def _add_deleted(builder: Any, lap: DeletedLap) -> int:
 
 
 def _add_call(builder: Any, call: Call) -> int:
-    teams = _vector(builder, [_text(builder, name) for name in call.teams[:MOST_TEAMS]])
+    teams = build_vector(builder, [_text(builder, name) for name in call.teams[:MOST_TEAMS]])
     title = _text(builder, call.title)
     CallTable.Start(builder)
     CallTable.AddTitle(builder, title)
@@ -146,13 +142,6 @@ def _add_call(builder: Any, call: Call) -> int:
 
 def _text(builder: Any, text: str) -> int:
     return int(builder.CreateString(text[:MOST_TEXT]))
-
-
-def _vector(builder: Any, offsets: list[int]) -> int:
-    builder.StartVector(U32.size, len(offsets), U32.size)
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    return int(builder.EndVector())
 
 
 def decode_programme(data: bytes) -> ProgrammeFrame:

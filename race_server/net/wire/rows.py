@@ -1,6 +1,6 @@
-"""Encode rows of an array as a vector of structs."""
+"""Encode vectors: of structs that are rows of an array, and of tables or texts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import flatbuffers
@@ -21,4 +21,12 @@ def build_rows(
     start(builder, len(rows))
     for row in rows[::-1]:  # FlatBuffers are written backwards
         create(builder, *row.item())
+    return int(builder.EndVector())
+
+
+def build_vector(builder: flatbuffers.Builder, offsets: Sequence[int]) -> int:
+    """Write a vector of tables or texts that are written already, and return its offset."""
+    builder.StartVector(4, len(offsets), 4)
+    for offset in reversed(offsets):
+        builder.PrependUOffsetTRelative(offset)
     return int(builder.EndVector())

@@ -1,6 +1,5 @@
 """Encode and decode snapshots and events; standings are in a file beside."""
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,10 +31,7 @@ from race_server.net.wire.rows import build_rows
 from race_server.net.wire.standings import StandingsFrame as StandingsFrame
 from race_server.net.wire.standings import decode_standings as decode_standings
 from race_server.net.wire.standings import encode_standings as encode_standings
-from race_server.net.wire.strict import Table, root_of
-
-U8, U32, U64 = struct.Struct("<B"), struct.Struct("<I"), struct.Struct("<Q")
-F32 = struct.Struct("<f")
+from race_server.net.wire.strict import F32, U8, U32, U64, Table, root_of
 
 KART = np.dtype(
     [

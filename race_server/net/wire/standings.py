@@ -12,11 +12,10 @@ from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Standing as StandingTable
 from race_server.net.wire.generated.spectate import Standings
 from race_server.net.wire.parking import add_parking, add_planned, read_parking, read_planned
-from race_server.net.wire.strict import MOST_NAME, NAME_BYTES, Table, root_of
+from race_server.net.wire.rows import build_vector
+from race_server.net.wire.strict import I64, MOST_NAME, NAME_BYTES, U8, U16, U32, Table, root_of
 from race_server.net.wire.timing import add_timing, read_timing
 
-U8, U16, U32 = struct.Struct("<B"), struct.Struct("<H"), struct.Struct("<I")
-I64 = struct.Struct("<q")
 MOST_ROWS = 64
 
 
@@ -84,10 +83,7 @@ def encode_standings(frame: StandingsFrame) -> bytes:
         if timing:
             StandingTable.AddTiming(builder, timing)
         offsets.append(StandingTable.End(builder))
-    Standings.StartRowsVector(builder, len(offsets))
-    for offset in reversed(offsets):
-        builder.PrependUOffsetTRelative(offset)
-    rows = builder.EndVector()
+    rows = build_vector(builder, offsets)
     course = builder.CreateString(frame.course)
     Standings.Start(builder)
     Standings.AddEpoch(builder, frame.epoch)

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from race_server.errors import Reason, WireError
 
-U32 = struct.Struct("<I")
-I32 = struct.Struct("<i")
-U16 = struct.Struct("<H")
+# Numbers as they stand in a buffer.
+U8, U16, U32, U64 = (struct.Struct(f"<{code}") for code in "BHIQ")
+I16, I32, I64 = (struct.Struct(f"<{code}") for code in "hiq")
+F32, F64 = struct.Struct("<f"), struct.Struct("<d")
 
 # Characters of the name of a driver or a steward, and the most bytes that one takes in UTF-8.
 MOST_NAME, UTF8_BYTES = 32, 4

@@ -8,9 +8,8 @@ import numpy as np
 from race_server.core.messages import Merit, Timing
 from race_server.errors import WireError
 from race_server.net.wire.generated.spectate import Timing as TimingTable
-from race_server.net.wire.strict import Table
+from race_server.net.wire.strict import I16, I64, U32, Table
 
-I16, U32, I64 = struct.Struct("<h"), struct.Struct("<I"), struct.Struct("<q")
 MOST_SECTIONS = 64
 
 
