@@ -40,11 +40,14 @@ from race_agents.unit.safety import (
     watch_obstacles,
     watch_place,
     watch_restart,
+    watch_sensors,
     watch_speed,
 )
+from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
+from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
@@ -68,6 +71,7 @@ class ControlUnit:
     vehicle: Vehicle
     fence: Fence
     limits: Limits
+    watch: SensorWatch
     fusion: Estimator | None = None  # from the first position fix on
     hud: Orders | None = None
     command: Command = field(default_factory=Command)
@@ -92,30 +96,39 @@ class ControlUnit:
     @classmethod
     def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
         """Return the unit of a kart of this kind."""
-        return cls(vehicle, fence, Limits.of(vehicle))
+        return cls(vehicle, fence, Limits.of(vehicle), SensorWatch(vehicle))
 
     def hear(self, hud: Orders, now_s: float) -> None:
-        """Take what the game wants of this kart."""
-        self.hud, self._hud_s = hud, now_s
+        """Take what the game wants of this kart; what is no number is not heard."""
+        if not any(math.isnan(each) for each in (hud.speed_cap, hud.thrust_scale, hud.valid_s)):
+            self.hud, self._hud_s = hud, now_s
 
     def hear_game(self, now_s: float) -> None:
         """Note that the program which brings orders and driver is alive: it has to go on."""
         self._game_s = now_s
 
     def drive(self, control: Control, now_s: float) -> None:
-        """Take what the driver wants."""
-        self._driver, self._driver_s = control, now_s
+        """Take what the driver wants; what is no number is not heard."""
+        if all(map(math.isfinite, (control.steering, control.throttle, control.brake))):
+            self._driver, self._driver_s = control, now_s
 
     def sense(self, readings: Readings) -> None:
         """Take the newest readings."""
         dt, self._time_s = readings.time_s - self._time_s, readings.time_s
-        self.steering = readings.steering
+        speed = 0.0 if self.fusion is None else float(self.fusion.state[SPEED])
+        asked = self.command.steering * self.vehicle.steering_limit
+        readings = self.watch.take(readings, speed, asked)
+        self.steering = asked if math.isnan(readings.steering) else readings.steering
         if readings.ranges is not None:
             self.ranges = readings.ranges
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        if self.fusion.sense(readings):
+        is_believed = self.fusion.sense(readings)
+        self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
+        if readings.fix is not None:
+            self.watch.judge(Sensor.FIXES, is_believed=is_believed)
+        if is_believed:
             assert readings.fix is not None
             self._fix_s, self._source = readings.time_s, readings.fix.source
         elif readings.beacons and self.fusion.is_ranged:
@@ -179,7 +192,12 @@ class ControlUnit:
             watch_game(now_s - (now_s if self._game_s is None else self._game_s), self.limits),
             watch_speed(speed, self.limits),
             watch_fence(self.fence.beyond(x, y), self.limits),
-            watch_place(self.fusion.deviation, self.limits),
+            watch_place(
+                self.fusion.deviation,
+                self.limits,
+                is_doubtful=self.watch.state(Sensor.FIXES) is SensorState.REFUSED,
+            ),
+            watch_sensors(self.limits, is_blind=self.watch.is_blind, is_lame=self.watch.is_lame),
         ]
 
     def _watch_ahead(self, now: float, will: float, speed: float) -> Verdict:

@@ -45,10 +45,17 @@ PLAIN = 3.84
 MOST_REFUSED = 5
 # Fixes are rare: this many take a third of a second, in which a kart can be carried metres away.
 MOST_FIXES_REFUSED = 3
+# But nothing carries a kart whose accelerometer felt no blow for this long [s]: then rather they
+# are wrong, for as long as it takes to slow down.
+CALM_S, MOST_REFUSED_CALM = 2.0, 25
 # Ranges come from many beacons: only when all are refused for a while is the place doubted.
 MOST_RANGES_REFUSED = 25
 # A range is weighted down beyond this many deviations (Huber 1964), and never used beyond that.
 HUBER, FARTHEST = 1.5, 5.0
+# A program that is held up for longer than this [s], or whose clock jumps, may be anywhere.
+PAUSE_S = 0.25
+# … and has lost or won this much speed in each second [m/s²].
+BRAKES = 7.0
 # A kart that slides keeps its direction for about this time [s].
 SLIDE_S = 0.1
 # Variances of a heading that is known to about 20 degrees [rad²], and of a slide [m²/s²] that was
@@ -60,7 +67,7 @@ MOST_DELAY_S = 0.6
 # Receivers with corrections: 90 to 110 ms as a rule (PX4 EKF2_GPS_DELAY: 110 ms).
 USUAL_DELAY_S = 0.1
 
-Snapshot = tuple[Floats, Floats, dict[str, int]]
+Snapshot = tuple[Floats, Floats, dict[str, int], float]
 
 
 class KartFilter:
@@ -99,14 +106,15 @@ class KartFilter:
         )
         self.squares: dict[str, float] = {}
         self._refused: dict[str, int] = {}  # readings in a row that were not believed
+        self._calm_s = 0.0  # since the last blow
 
     def snapshot(self) -> Snapshot:
         """Return what `restore` brings back; nothing changes these arrays."""
-        return self.state, self.covariance, self._refused.copy()
+        return self.state, self.covariance, self._refused.copy(), self._calm_s
 
     def restore(self, snapshot: Snapshot) -> None:
         """Be again what the filter was."""
-        self.state, self.covariance, refused = snapshot
+        self.state, self.covariance, refused, self._calm_s = snapshot
         self._refused = refused.copy()
 
     def predict(
@@ -120,6 +128,8 @@ class KartFilter:
         """
         if dt <= 0.0:
             return
+        is_calm = push is not None and blow == 0.0 and dt <= PAUSE_S
+        self._calm_s = self._calm_s + dt if is_calm else 0.0
         slope = jacobian_of(self.state, dt)
         noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
         ahead, aside = push or (0.0, 0.0)
@@ -138,6 +148,11 @@ class KartFilter:
             slid, turned = speed * speed * SLIDE_S * dt, (blow * dt) ** 2
             doubts = np.zeros(SIZE)
             doubts[[X, Y, SPEED]] = slid, slid, turned
+            self.covariance = self.covariance + np.diag(doubts)
+        if dt > PAUSE_S:
+            doubts = np.zeros(SIZE)
+            doubts[[X, Y]] = (float(self.state[SPEED]) * dt) ** 2
+            doubts[[HEADING, SPEED]] = ROUGH, (BRAKES * dt) ** 2
             self.covariance = self.covariance + np.diag(doubts)
 
     def see_position(
@@ -276,7 +291,10 @@ class KartFilter:
         inverse = np.linalg.inv(spread)
         self.squares[sensor] = float(residual @ inverse @ residual)
         if self.squares[sensor] > GATE_TWO:
-            self._doubt(sensor, residual, slope, MOST_FIXES_REFUSED)
+            is_calm = self._calm_s > CALM_S and sensor == "position"
+            self._doubt(
+                sensor, residual, slope, MOST_REFUSED_CALM if is_calm else MOST_FIXES_REFUSED
+            )
             return False
         self._refused[sensor] = 0
         gain = self.covariance @ slope.T @ inverse
@@ -295,7 +313,7 @@ class KartFilter:
         """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > most:
-            self._refused[sensor] = 0
+            self._refused[sensor], self._calm_s = 0, 0.0
             slope = slope.copy()
             slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
             self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope

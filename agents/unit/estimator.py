@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from race_agents.unit.ekf import FARTHEST, KartFilter
 from race_agents.unit.inertial import Inertial
-from race_agents.unit.motion import SCALE, SPEED, Agility, Floats
+from race_agents.unit.motion import BIAS, SCALE, SPEED, Agility, Floats
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.timeline import Late, Tick, Timeline
 from race_agents.unit.tyres import Tyres
@@ -14,12 +14,14 @@ from race_server.core.vehicles import GRAVITY, Vehicle
 
 # Deviation [rad/s] of the gyro.
 GYRO_DEVIATION = 0.012
+# Deviation [rad/s] of the turning rate that the steering angle tells, and as a share of it.
+STEERED, STEERED_SHARE = 0.03, 0.25
 # An acceleration, as a share of what the tyres hold, that only a wall or another kart can cause.
 BLOW = 1.3
 # Deviation [s] of the delay of a fix that carries no stamp about its mean.
 JITTER_S = 0.01
-# A stamp is never of the future, and a receiver whose clock is set by more than this [s] has none.
-MOST_AGE_S = 1.5
+# A stamp is never of the future, nor older than this [s]: one clock was set, and it tells nothing.
+MOST_AGE_S = 0.65
 
 
 class Estimator:
@@ -58,7 +60,7 @@ class Estimator:
     def sense(self, readings: Readings) -> bool:
         """Take the newest readings; True if they hold a fix that was believed."""
         tick = self._tick(readings)
-        self._time_s, self._rate = readings.time_s, readings.yaw_rate
+        self._time_s, self._rate = readings.time_s, tick.yaw_rate or 0.0
         self.timeline.advance(tick)
         fix = readings.fix
         return fix is not None and self.timeline.insert(self._late(fix, readings.time_s))
@@ -79,19 +81,35 @@ class Estimator:
         dt = max(now_s - self._time_s, 0.0)
         estimate = float(self.state[SPEED]) * (1.0 + float(self.state[SCALE]))
         pull = 0.0 if felt is None else felt[0]
-        wheel = self.wheels.trusted(readings.wheel_speed, estimate, pull, now_s)
-        self.inertial.watch(readings.wheel_speed, readings.yaw_rate, felt, now_s)
+        speed, wheel = readings.wheel_speed, None
+        if not math.isnan(speed):
+            wheel = self.wheels.trusted(speed, estimate, pull, now_s)
+        if not math.isnan(speed + readings.yaw_rate):
+            self.inertial.watch(speed, readings.yaw_rate, felt, now_s)
+        rate, deviation = self._turning(readings)
         return Tick(
             begins_s=now_s - dt,
             ends_s=now_s,
-            yaw_rate=readings.yaw_rate,
-            gyro_deviation=GYRO_DEVIATION,
+            yaw_rate=rate,
+            gyro_deviation=deviation,
             wheel=wheel,
-            felt=self._at_rear(felt, readings.yaw_rate, dt),
+            felt=self._at_rear(felt, self._rate if rate is None else rate, dt),
             blow=self.blow(felt),
             rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < 0.5,
             beacons=readings.beacons,
         )
+
+    def _turning(self, readings: Readings) -> tuple[float | None, float]:
+        """Return the turning rate as the gyro tells it, and its deviation [rad/s].
+
+        Without a gyro the wheels tell it by where they point, as far as the tyres do not slip.
+        """
+        if not math.isnan(readings.yaw_rate):
+            return readings.yaw_rate, GYRO_DEVIATION
+        if math.isnan(readings.steering):
+            return None, GYRO_DEVIATION
+        rate = float(self.state[SPEED]) * math.tan(readings.steering) / self._vehicle.wheelbase
+        return rate + float(self.state[BIAS]), STEERED + STEERED_SHARE * abs(rate)
 
     def _at_rear(
         self, felt: tuple[float, float] | None, rate: float, dt: float

@@ -54,7 +54,7 @@ class Mailbox:
         self.counter += 1
         head = HEAD.pack(self.counter, time_s, len(data))
         whole = head + data + CRC.pack(zlib.crc32(head + data))
-        place = self._place_of(self.counter)
+        place = self.place_of(self.counter)
         self.memory[place : place + len(whole)] = whole
 
     def read(self) -> Mail | None:
@@ -62,11 +62,12 @@ class Mailbox:
         found = [mail for slot in range(SLOTS) if (mail := self._mail_in(slot)) is not None]
         return max(found, key=lambda mail: mail.counter, default=None)
 
-    def _place_of(self, counter: int) -> int:
+    def place_of(self, counter: int) -> int:
+        """Return where in the memory the message of this number begins."""
         return self.offset + (counter % SLOTS) * (HEAD.size + self.capacity + CRC.size)
 
     def _mail_in(self, slot: int) -> Mail | None:
-        place = self._place_of(slot)
+        place = self.place_of(slot)
         head = bytes(self.memory[place : place + HEAD.size])
         counter, time_s, size = HEAD.unpack(head)
         if counter == 0 or size > self.capacity:

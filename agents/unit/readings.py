@@ -43,7 +43,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors give at one moment; None where one has nothing new."""
+    """What the sensors give at one moment; None or NaN where one has nothing new."""
 
     time_s: float  # by the kart's own clock
     wheel_speed: float  # [m/s]

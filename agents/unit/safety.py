@@ -21,6 +21,8 @@ from race_server.core.messages import Control
 Floats = NDArray[np.float64]
 # Brakes where there is time: a kart behind is not surprised.
 GENTLE = 0.6
+# From this share of the brakes on the motor is off, whatever the other foot does.
+BRAKE_WINS = 0.5
 # How fast a speed above the limit is taken off [1/s], with this share of the brakes at most.
 OVER_RATE, OVER_BRAKE = 5.0, 0.7
 CREEP = 0.1  # [m/s] a distance that shrinks more slowly is no danger
@@ -226,11 +228,21 @@ def watch_fence(beyond: float, limits: Limits) -> Verdict:
     return Verdict(limits.slow_speed, cause=Cause.FENCE)
 
 
-def watch_place(deviation: float, limits: Limits) -> Verdict:
-    """Slow down where the kart does not know where it is. deviation: [m] of its position."""
-    if deviation <= 2.0 * limits.half_width:
+def watch_place(deviation: float, limits: Limits, *, is_doubtful: bool) -> Verdict:
+    """Slow down where the kart does not know where it is.
+
+    deviation: [m] of its position; is_doubtful: fixes come that disagree with it.
+    """
+    if deviation <= 2.0 * limits.half_width and not is_doubtful:
         return Verdict()
     return Verdict(limits.slow_speed, cause=Cause.LOST)
+
+
+def watch_sensors(limits: Limits, *, is_blind: bool, is_lame: bool) -> Verdict:
+    """Stop a kart that cannot see ahead; slow down one that does not know how it moves."""
+    if is_blind:
+        return Verdict(brake=1.0, motor=0.0, cause=Cause.SENSOR)
+    return Verdict(limits.slow_speed, cause=Cause.SENSOR) if is_lame else Verdict()
 
 
 @dataclass(frozen=True)
@@ -262,6 +274,8 @@ def combine(
         allowed, motor = min(allowed, verdict.speed), min(motor, verdict.motor)
         brake = max(brake, verdict.brake)
         cause |= verdict.cause
+    if brake >= BRAKE_WINS:
+        motor = 0.0
     over = abs(speed) - allowed
     if over > 0.0:
         brake = max(brake, min(OVER_RATE * over / limits.braking, OVER_BRAKE))

@@ -23,7 +23,7 @@ class Tick:
 
     begins_s: float
     ends_s: float
-    yaw_rate: float  # [rad/s] of the gyro
+    yaw_rate: float | None  # [rad/s] of the gyro, None where nothing tells it
     gyro_deviation: float  # [rad/s]
     wheel: tuple[float, float] | None  # speed and deviation [m/s], None where it is not trusted
     felt: tuple[float, float] | None  # [m/s²] at the rear axle, but for turning
@@ -67,7 +67,6 @@ class Timeline:
         self.filter, self._tyres = filtered, tyres
         self._lever = lever
         self._past: deque[Past] = deque()
-        self.too_late = 0  # fixes older than the past that is kept
 
     def advance(self, tick: Tick) -> None:
         """Drive on and take what the sensors on board gave."""
@@ -82,7 +81,6 @@ class Timeline:
         if not self._past or late.time_s >= self._past[-1].tick.ends_s:
             return self._see(late)
         if late.time_s < self._past[0].tick.begins_s:
-            self.too_late += 1
             return False
         place = len(self._past) - 1
         while late.time_s < self._past[place].tick.begins_s:
@@ -117,7 +115,8 @@ class Timeline:
             self._tyres.see(filtered, None if tick.felt is None else tick.felt[1])
         if tick.wheel is not None:
             filtered.see_speed(*tick.wheel)
-        filtered.see_yaw_rate(tick.yaw_rate, tick.gyro_deviation)
+        if tick.yaw_rate is not None:
+            filtered.see_yaw_rate(tick.yaw_rate, tick.gyro_deviation)
         if tick.rests:
             filtered.see_rest()
         for beacon in tick.beacons:

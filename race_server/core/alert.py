@@ -42,6 +42,7 @@ class Cause(IntFlag):
     FENCE = 16  # outside the course
     LOST = 32  # the kart does not know where it is
     GAME = 64  # the program that brings orders and driver is silent
+    SENSOR = 128  # a sensor has failed that the kart needs
 
     def as_json(self) -> list[str]:
         """Return the names of all that apply."""

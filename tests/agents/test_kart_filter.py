@@ -133,6 +133,16 @@ def test_a_fix_ten_metres_off_is_refused_and_a_row_of_them_is_believed_in_the_en
     assert filtered.state[0] == pytest.approx(10.0, abs=0.3)
 
 
+def test_a_kart_that_felt_no_blow_is_not_carried_off_by_fixes_until_it_has_slowed_down() -> None:
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0)
+    for _ in range(50):
+        filtered.predict(0.1, push=(0.0, 0.0))
+        filtered.see_speed(0.0, 0.05)
+        filtered.see_position(0.0, 0.0, 0.1)
+    believed = [filtered.see_position(10.0, 0.0, 0.1) for _ in range(30)]
+    assert believed == [False] * 26 + [True] * 4
+
+
 def driven(
     *, until_s: float, push: float, blow: float
 ) -> tuple[KartFilter, list[float], list[bool]]:
@@ -192,7 +202,9 @@ def test_a_spin_does_not_lose_the_place() -> None:
         if turn % 5 == 0:
             x, y = chance.normal((8.0 * time_s, 0.0), 0.02)
             fix = Fix(float(x), float(y), 0.02)
-        unit.sense(Readings(time_s, 8.0 * math.cos(heading), rate, 0.0, (0.0, 0.0), fix))
+        wobble = 1e-4 * (-1) ** turn  # a number that never changes is of a sensor that hangs
+        speed, felt = 8.0 * math.cos(heading) + wobble, (wobble, 0.0)
+        unit.sense(Readings(time_s, speed, rate + wobble, 0.0, felt, fix))
         assert fix is None or time_s < 1.0 or unit._fix_s == time_s  # none is refused
         told = unit.pose()
         assert told is not None

@@ -355,7 +355,7 @@ export const en = {
     right: 'on the right',
     seen: (what: string, metres: string, side: string) => `${what} ${metres} m ${side}`,
     // By bit of their number, from the second on: the first is what is in the way.
-    causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known', 'program silent'],
+    causes: ['driver let go', 'no radio', 'too fast', 'outside the course', 'place not known', 'program silent', 'sensor failed'],
     doing: { stages: ['', 'sees', 'warns', 'slows down', 'brakes'], waits: 'waits' },
     counsels: ['', 'Brake', 'Steer left', 'Steer right', 'Wait'],
     own: (doing: string, reason: string) => `Your kart ${doing}: ${reason}`,

@@ -348,7 +348,7 @@ export const fr: Words = {
     left: 'à gauche',
     right: 'à droite',
     seen: (what, metres, side) => `${what} à ${metres} m ${side}`,
-    causes: ['pilote absent', 'plus de radio', 'trop vite', 'hors du tracé', 'position inconnue', 'programme muet'],
+    causes: ['pilote absent', 'plus de radio', 'trop vite', 'hors du tracé', 'position inconnue', 'programme muet', 'capteur en panne'],
     doing: { stages: ['', 'voit', 'avertit', 'ralentit', 'freine'], waits: 'attend' },
     counsels: ['', 'Freine', 'Tourne à gauche', 'Tourne à droite', 'Attends'],
     own: (doing, reason) => `Ton kart ${doing} : ${reason}`,

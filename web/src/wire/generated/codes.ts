@@ -19,6 +19,8 @@ export { Phase } from './codes/phase.js';
 export { PoseFault } from './codes/pose-fault.js';
 export { RayHit } from './codes/ray-hit.js';
 export { Retirement } from './codes/retirement.js';
+export { Sensor } from './codes/sensor.js';
+export { SensorState } from './codes/sensor-state.js';
 export { Source } from './codes/source.js';
 export { Status } from './codes/status.js';
 export { Trust } from './codes/trust.js';

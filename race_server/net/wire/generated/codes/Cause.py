@@ -10,3 +10,4 @@ class Cause(object):
     FENCE = 16
     LOST = 32
     GAME = 64
+    SENSOR = 128

@@ -9,5 +9,6 @@ export enum Cause {
   SPEED = 8,
   FENCE = 16,
   LOST = 32,
-  GAME = 64
+  GAME = 64,
+  SENSOR = 128
 }
