@@ -18,6 +18,7 @@ class Reason(StrEnum):
     CONTROL_BADGE = "control without the seat's badge"
     POSE_BADGE = "pose without the seat's badge"
     ALERT_BADGE = "alert without the seat's badge"
+    TELEMETRY_BADGE = "telemetry without the seat's badge"
     SECOND_LOGIN = "second login"
     TOO_MANY_LINKS = "link beyond those of its key"
     BARRED_LINK = "link of a key that is barred"

@@ -130,6 +130,7 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
         ],
         "command": _all((command.steering, command.throttle, command.brake)),
         "cause": command.cause.as_json(),
+        "sensors": [int(state) for state in unit.watch.states()],
         "alert": {**unit.alert().as_json(), "cause": None},
         "tracks": [
             {"state": _all(track.state), "kind": int(track.kind), "scans": track.scans}

@@ -23,6 +23,7 @@ from race_server.core.clock import MICROSECONDS, Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.core.messages import Pose
 from race_server.core.observation import Observation
+from race_server.core.telemetry import Telemetry
 from race_server.core.vehicles import Vehicle
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
@@ -34,12 +35,15 @@ from race_server.net.wire.drive import HudFrame, decode_hud
 from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
 from race_server.net.wire.parking import OrderFrame
 from race_server.net.wire.pose import PoseFrame, encode_pose
+from race_server.net.wire.telemetry import TelemetryFrame, encode_telemetry
 
 PERIOD_S = 0.02  # a driver is asked, and a pose goes out, 50 times a second
 # After the link broke the kart asks for its seat as often as this, and gives up after this time.
 RETRY_S, GIVE_UP_S = 1.0, 10.0
 # What a kart says is said again as often as this, for as long as it lasts.
 SAY_AGAIN_S = 0.2
+# How it is it tells this often, and at once when a sensor fails.
+TELEMETRY_S = 0.2
 # Between two races of an event it gives up after this time without an answer.
 AWAY_S = 60.0
 # The driver that parks, where none is named.
@@ -91,10 +95,14 @@ class KartProgram:
     _stamp_us: int = -1  # of the newest pose that was sent
     _said: Alert | None = None
     _said_s: float = -math.inf
+    _told: Telemetry | None = None
+    _told_s: float = -math.inf
+    _reports: int = 0  # of telemetry sent so far
 
     def __post_init__(self) -> None:
-        """Get ready to send alerts beside poses."""
+        """Get ready to send alerts and telemetry beside poses."""
         self._send_alert = self.seat.sender(topics.ALERT)
+        self._send_telemetry = self.seat.sender(topics.TELEMETRY)
 
     def store(self, data: bytes) -> None:
         """Take a message from the server; called by the transport's thread."""
@@ -130,6 +138,7 @@ class KartProgram:
             self.beside.tell(kart.report)
         if hud is not None:
             self._say(kart.report.alert, hud.epoch, now_s)
+            self._tell_health(kart.report, hud.epoch, now_s)
         if pose is not None and hud is not None and pose.stamp_us != self._stamp_us:
             self.sequence, self._stamp_us = self.sequence + 1, pose.stamp_us
             told = PoseFrame(
@@ -144,6 +153,16 @@ class KartProgram:
             _, send, data = self._up.popleft()
             if not self.is_cut:
                 send(data)
+
+    def _tell_health(self, report: Report, epoch: int, now_s: float) -> None:
+        """Send how the kart is five times a second, and when a sensor changes."""
+        told = Telemetry.of(report.pose, report.alert, report.health)
+        is_new = self._told is None or told.health.sensors != self._told.health.sensors
+        if not is_new and now_s - self._told_s < TELEMETRY_S:
+            return
+        self._told, self._told_s, self._reports = told, now_s, self._reports + 1
+        data = encode_telemetry(TelemetryFrame(epoch, self._reports, told))
+        self._up.append((now_s + self.delay_s, self._send_telemetry, data))
 
     def _say(self, alert: Alert, epoch: int, now_s: float) -> None:
         """Send an alert if it says something new, and again for as long as it lasts."""

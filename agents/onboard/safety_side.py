@@ -91,7 +91,8 @@ class SafetySide:
         self.is_through |= not self.each_turn(self, now_s)
         unit = self.unit
         report = Report(
-            unit.pose(), unit.alert(), unit.buttons, unit.ranges, self.is_through, self.is_cut
+            *(unit.pose(), unit.alert(), unit.buttons, unit.ranges, unit.health()),
+            *(self.is_through, self.is_cut),
         )
         self.boxes.reports.write(report.pack(), now_s)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from race_server.core.vehicles import GRAVITY, Vehicle
 
 STEP_S = 0.005
+# A battery lasts this long [s] at all the motor's power.
+LASTS_S = 1200.0
 CREEP = 0.05  # [m/s] below this the wheels' own speed is no divisor
 
 
@@ -55,6 +57,7 @@ class Body:
     brake: float = 1.0  # [0, 1] what the brakes give
     lags: Lags = Lags()
     owed: float = 0.0  # [s] that are still to be moved on, less than a step
+    charge: float = 1.0  # [0, 1] of the battery
 
     def advance(self, seconds: float, steering: float, throttle: float, brake: float) -> None:
         """Move on under a command; shares as in a control."""
@@ -95,6 +98,8 @@ class Body:
         hold = self.brake * vehicle.brake_force + vehicle.rolling * vehicle.mass * GRAVITY
         hold = min(hold, vehicle.mass * abs(speed) / STEP_S)
         drag = vehicle.drag * speed * abs(speed)
+        used = max(drive * speed, 0.0) / vehicle.motor_power
+        self.charge = max(self.charge - used * STEP_S / LASTS_S, 0.0)
         limit = vehicle.grip * vehicle.mass * GRAVITY
         return max(-limit, min(drive - math.copysign(hold, speed) - drag, limit))
 

@@ -84,6 +84,7 @@ class Plant:
             echoes=self._scan() if is_due else None,
             ranges=self._ranges() if is_due and sensors.lidar_rays else None,
             beacons=self._beacons.read(body, now_s),
+            battery=body.charge,
         )
 
     def _begin(self, place: Place | None) -> None:

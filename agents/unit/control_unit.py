@@ -47,7 +47,7 @@ from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
-from race_server.core.telemetry import Sensor, SensorState
+from race_server.core.telemetry import Health, Sensor, SensorState
 from race_server.core.vehicles import Vehicle
 
 MICROSECONDS = 1_000_000
@@ -76,6 +76,7 @@ class ControlUnit:
     hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
+    battery: float | None = None  # [0, 1] of its charge
     objects: Objects = field(default_factory=Objects)
     echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
     loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
@@ -118,6 +119,7 @@ class ControlUnit:
         speed = 0.0 if self.fusion is None else float(self.fusion.state[SPEED])
         asked = self.command.steering * self.vehicle.steering_limit
         readings = self.watch.take(readings, speed, asked)
+        self.battery = readings.battery
         self.steering = asked if math.isnan(readings.steering) else readings.steering
         if readings.ranges is not None:
             self.ranges = readings.ranges
@@ -290,6 +292,14 @@ class ControlUnit:
             quality=1.0 if lost_s < FIX_S else 0.5 ** (0.5 * (lost_s - FIX_S)),
             source=self._source if lost_s < FIX_S else Source.DEAD_RECKONING,
         )
+
+    def health(self) -> Health:
+        """Return what neither pose nor alert tells of the kart."""
+        spread = 0.0
+        if self.fusion is not None:
+            spread = math.sqrt(float(self.fusion.filter.covariance[HEADING, HEADING]))
+        link_s = None if self.hud is None else max(self._time_s - self._hud_s, 0.0)
+        return Health(self.watch.states(), spread, link_s, self.battery)
 
     @property
     def is_home(self) -> bool:

@@ -54,3 +54,4 @@ class Readings:
     echoes: Echoes | None = None
     ranges: NDArray[np.float64] | None = None  # [m] of a lidar's rays, right to left, 0 for nothing
     beacons: tuple[Range, ...] = ()
+    battery: float | None = None  # [0, 1] of its charge

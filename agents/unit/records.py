@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from race_agents.unit.orders import GivenOrders, Orders
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.telemetry import Health, SensorState
 
 Floats = NDArray[np.float64]
 
@@ -20,11 +21,20 @@ Floats = NDArray[np.float64]
 # thrust, grip, validity, lights, when they were heard; steering, throttle, brake.
 WORD = struct.Struct("<3BxIIIIIQ6d3d")
 # has a pose, source, stage, kind, advice, cause, is through, is cut; buttons, rays; stamps of the
-# pose and of the alert, what the server's clock was [µs]; the pose; the danger.
-REPORT = struct.Struct("<8BIIQQQ9d4d")
+# pose and of the alert, what the server's clock was [µs]; the pose; the danger; the sensors; the
+# heading's deviation, the link's age and the battery, below 0 where they are not known.
+REPORT = struct.Struct("<8BIIQQQ9d4d8B3d")
 MOST_RAYS = 1024
 IDLE, QUIET = Control(brake=1.0), Alert(0)
 MOST_REPORT = REPORT.size + 8 * MOST_RAYS
+
+
+def _or_below(*values: float | None) -> tuple[float, ...]:
+    return tuple(-1.0 if value is None else value for value in values)
+
+
+def _known(*values: float) -> tuple[float | None, ...]:
+    return tuple(None if value < 0.0 else value for value in values)
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,9 @@ class Word:
         return Word(orders if has_orders else None, heard_s, control, decisions)
 
 
+UNKNOWN = Health()
+
+
 @dataclass(frozen=True, eq=False)
 class Report:
     """What the safety side tells."""
@@ -71,12 +84,14 @@ class Report:
     alert: Alert = QUIET
     buttons: Button = Button.NONE
     ranges: Floats | None = None  # [m] of the lidar's rays
+    health: Health = UNKNOWN
     is_through: bool = False  # the kart has nothing more to do
     is_cut: bool = False  # as if the radio were off
 
     def pack(self) -> bytes:
         """Return it as bytes."""
         pose, danger = self.pose or Pose(0, 0.0, 0.0, 0.0, 0.0), self.alert.danger
+        health = self.health
         ranges = np.zeros(0) if self.ranges is None else self.ranges
         head = REPORT.pack(
             *(self.pose is not None, int(pose.source), int(danger.stage), int(danger.kind)),
@@ -86,6 +101,8 @@ class Report:
             *(pose.x, pose.y, pose.heading, pose.speed, pose.lateral_speed, pose.yaw_rate),
             *(pose.steering, pose.deviation, pose.quality),
             *(danger.bearing, danger.distance, danger.time_s, danger.needed),
+            *(map(int, health.sensors)),
+            *(health.heading_deviation, *_or_below(health.link_s, health.battery)),
         )
         return head + ranges.astype("<f8").tobytes()
 
@@ -109,6 +126,7 @@ class Report:
             Alert(said_us, danger, Cause(cause)),
             Button(buttons),
             np.frombuffer(data, "<f8", rays, REPORT.size) if rays else None,
+            Health(tuple(map(SensorState, row[26:34])), row[34], *_known(*row[35:37])),
             bool(is_through),
             bool(is_cut),
         )

@@ -18,8 +18,8 @@ from race_server.core.vehicles import GRAVITY, Vehicle
 
 # Nothing new for this long [s]: the sensor is silent. Those of the bus speak at each turn.
 SILENT_S = {
-    Sensor.FIXES: 0.5,
-    Sensor.BEACONS: 0.5,
+    Sensor.FIXES: 0.45,
+    Sensor.BEACONS: 0.45,
     Sensor.WHEELS: 0.06,
     Sensor.GYRO: 0.06,
     Sensor.ACCELEROMETER: 0.06,
@@ -152,9 +152,9 @@ class SensorWatch:
         believed_s = self._believed_s.get(sensor, self._now_s)
         return SensorState.REFUSED if self._now_s - believed_s > silent_s else SensorState.WELL
 
-    def states(self) -> dict[Sensor, SensorState]:
-        """Return what all sensors are worth now."""
-        return {sensor: self.state(sensor) for sensor in Sensor}
+    def states(self) -> tuple[SensorState, ...]:
+        """Return what all sensors are worth now, in the order of their numbers."""
+        return tuple(map(self.state, Sensor))
 
     @property
     def is_blind(self) -> bool:

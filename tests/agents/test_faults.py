@@ -35,7 +35,8 @@ def watched(**changed: object) -> SensorWatch:
 
 
 def test_what_speaks_is_well_and_what_was_never_there_is_absent() -> None:
-    states = watched().states()
+    watch = watched()
+    states = dict(zip(Sensor, watch.states(), strict=True))
     absent = {Sensor.BEACONS, Sensor.LIDAR}
     assert {each for each in Sensor if states[each] is SensorState.ABSENT} == absent
     assert all(states[each] is WELL for each in set(Sensor) - absent)

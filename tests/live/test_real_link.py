@@ -18,10 +18,12 @@ from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Person, Surroundings
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.readings import Readings
 from race_agents.unit.safety import Command
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control, Flag, Trust
 from race_server.core.observation import Observation
+from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicle_presets import KART_30, TT02
 from race_server.errors import SeatError
 from race_server.live.client.seat import ClientSeat, take_seat
@@ -31,12 +33,14 @@ from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
 from race_server.net.wire.sheets import course_sheet
+from race_server.net.wire.telemetry import decode_telemetries
 from race_server.tools.drills.mixed import judge_both, way_to_stop
 from support.courses import SMALL_RING
 from support.servers import running, waiting
 from support.sessions import session_on_ring
 
 pytestmark = pytest.mark.net
+WELL, SILENT = SensorState.WELL, SensorState.SILENT
 
 
 class Gentle:
@@ -58,6 +62,52 @@ def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartHere:
     plant = Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
     unit = ControlUnit.of(vehicle, fence_of(sheet))
     return KartHere(SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size()))))
+
+
+class Unplugged:
+    """A plant whose radar is pulled out."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant, self.act, self.hands = plant, plant.act, plant.hands
+
+    def read(self, now_s: float) -> Readings:
+        return replace(self.plant.read(now_s), echoes=None)
+
+
+def test_the_pit_wall_sees_within_half_a_second_that_a_sensor_of_a_real_kart_is_dead() -> None:
+    session = session_on_ring("race", karts=1, laps=1, countdown_s=0.5, limit_s=60.0)
+    address, seen, heard = free_address(), {}, []
+    with ServerLink(address, "race", 1) as link:
+        server = RaceServer(session, link, REAL)
+
+        def turn(onboard: KartProgram, kart: KartHere, now_s: float) -> bool:
+            side = kart.side
+            if session.tick > 90 and "pulled" not in seen:
+                seen["pulled"] = now_s
+                side.hardware = Unplugged(side.hardware)
+            told = [(at, frame.karts[0]) for at, frame in heard if 0 in frame.karts]
+            dead = [at for at, kart in told if kart.health.sensors[Sensor.RADAR] is SILENT]
+            if dead:
+                seen["shown"], seen["told"] = dead[0], told
+            return not dead and now_s - seen.get("pulled", now_s) < 3.0
+
+        def hear(data: bytes) -> None:
+            heard.append((time.monotonic(), decode_telemetries(data)))
+
+        with running(server, drivers=1), ClientLink(address, "race") as wall:
+            wall.listen(topics.TELEMETRIES, hear)
+            take_part(Gentle(), kart_of, name="real", address=address, each_turn=turn)
+    assert seen["shown"] - seen["pulled"] < 0.5
+    well = [kart for at, kart in seen["told"] if at < seen["pulled"]]
+    assert len(well) >= 5  # in 1.5 s, five a second
+    known = well[-1]
+    assert known.health.sensors[Sensor.FIXES] is known.health.sensors[Sensor.GYRO] is WELL
+    assert known.health.sensors[Sensor.LIDAR] is SensorState.ABSENT
+    assert known.deviation is not None
+    assert known.deviation < 0.3
+    assert known.health.link_s is not None
+    assert known.health.link_s < 0.3
+    assert known.health.battery == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent() -> None:

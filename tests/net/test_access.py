@@ -22,7 +22,8 @@ SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
 
 def test_a_seat_sends_and_lives_on_its_own_keys_only() -> None:
     allowed = keys_allowed("cup", SEAT)
-    assert allowed["send"] == ["race/cup/in/0", "race/cup/pose/0", "race/cup/alert/0"]
+    told = ["in/0", "pose/0", "alert/0", "telemetry/0"]
+    assert allowed["send"] == [f"race/cup/{key}" for key in told]
     assert allowed["live"] == ["race/cup/alive/0/*"]
     assert "race/cup/obs/0" in allowed["listen"]
     assert "race/cup/q/join/0" in allowed["ask"]
@@ -70,6 +71,7 @@ def test_each_key_has_a_rate_of_its_own_and_lockstep_has_none_for_controls() -> 
         "rate of in/{seat}",
         "rate of pose/{seat}",
         "rate of alert/{seat}",
+        "rate of telemetry/{seat}",
         "rate of q/events",
     }
 

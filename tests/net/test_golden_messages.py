@@ -25,6 +25,7 @@ from race_server.net.wire import (
     placement,
     programme,
     spectate,
+    telemetry,
 )
 from race_server.net.wire import pose as poses
 from race_server.net.wire.rays import encode_rays
@@ -63,6 +64,8 @@ AGAIN: dict[str, Callable[[bytes], bytes]] = {
     "pose": lambda data: poses.encode_pose(poses.decode_pose(data)),
     "alert": lambda data: alert.encode_alert(alert.decode_alert(data)),
     "alerts": lambda data: alert.encode_alerts(alert.decode_alerts(data)),
+    "telemetry": lambda data: telemetry.encode_telemetry(telemetry.decode_telemetry(data)),
+    "telemetries": lambda data: telemetry.encode_telemetries(telemetry.decode_telemetries(data)),
     "observation": observation,
     "hud": lambda data: drive.encode_hud(drive.decode_hud(data)),
     "snapshot": lambda data: spectate.SnapshotWriter().write(spectate.decode_snapshot(data)),
@@ -133,6 +136,7 @@ RECORDED = {
     "spectate.Standings": "standings",
     "spectate.Lot": "lot",
     "spectate.Alerts": "alerts",
+    "spectate.Telemetries": "telemetries",
 }
 
 

@@ -11,6 +11,7 @@ from race_server.net.wire import (
     drive,
     links,
     spectate,
+    telemetry,
     topics,
 )
 from race_server.net.wire import pose as poses
@@ -66,3 +67,4 @@ def test_structs_in_numpy_are_as_long_as_in_the_schemas() -> None:
     assert poses.POSE.size == 72
     assert links.LINK.itemsize == 12
     assert (alerts.ALERT.size, alerts.ROW.itemsize) == (40, 24)
+    assert (telemetry.TELEMETRY.size, telemetry.ROW.itemsize) == (56, 44)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from race_server.core.alert import Alert
 from race_server.core.messages import Button, Control, Flag, Phase, Pose, Source, Standing
+from race_server.core.telemetry import Telemetry
 from race_server.core.vehicle_presets import LORRY, TT02
 from race_server.errors import SeatError, WireError
 from race_server.net.wire import (
@@ -23,6 +24,7 @@ from race_server.net.wire import (
     programme,
     rays,
     spectate,
+    telemetry,
 )
 from race_server.net.wire import alert as alerts
 from race_server.net.wire import pose as poses
@@ -40,6 +42,7 @@ from support.messages import (
     PROGRAMME,
     RAYS,
     STANDINGS,
+    TELEMETRY,
     TIMED,
     WELCOME,
     lot_snapshot,
@@ -338,3 +341,20 @@ def test_a_ghost_comes_back_as_it_was_sent() -> None:
 def test_what_is_not_there_is_told_as_infinitely_far() -> None:
     nothing = alerts.AlertFrame(1, 1, Alert(5))
     assert alerts.decode_alert(alerts.encode_alert(nothing)) == nothing
+
+
+@pytest.mark.parametrize("told", [TELEMETRY, Telemetry(99)])
+def test_telemetry_comes_back_as_it_was_sent_known_or_not(told: Telemetry) -> None:
+    frame = telemetry.TelemetryFrame(4, 9, told)
+    assert telemetry.decode_telemetry(telemetry.encode_telemetry(frame)) == frame
+    sent = telemetry.TelemetriesFrame(4, 600, {3: told, 5: told})
+    back = telemetry.decode_telemetries(telemetry.encode_telemetries(sent))
+    assert dict(back.karts) == {seat: replace(told, stamp_us=0) for seat in (3, 5)}
+
+
+def test_telemetry_of_unknown_states_is_refused() -> None:
+    frame = telemetry.TelemetryFrame(4, 9, Telemetry(99))
+    data = bytearray(telemetry.encode_telemetry(frame))
+    data[-8:-4] = (5 << 28).to_bytes(4, "little")  # no sensor has a fifth way to fail
+    with pytest.raises(WireError, match="unknown codes"):
+        telemetry.decode_telemetry(bytes(data))

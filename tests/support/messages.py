@@ -20,12 +20,14 @@ from race_server.core.messages import (
     PlannedWay,
     PoseFault,
     RayHit,
+    Source,
     Standing,
     Status,
     Timing,
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.telemetry import Health, SensorState, Telemetry
 from race_server.core.vehicle_presets import TT02
 from race_server.net.wire import (
     drive,
@@ -61,6 +63,11 @@ ALERT = Alert(
     99,
     Danger(DangerStage.FULL, RayHit.PERSON, 0.25, 4.5, 0.75, 6.5, Advice.BRAKE),
     Cause.OBSTACLE | Cause.LINK,
+)
+
+TELEMETRY = Telemetry(
+    *(99, 1.0, 2.0, 0.5, 3.0, 0.25, Source.BEACONS, DangerStage.EASE, Cause.SENSOR),
+    Health((SensorState.WELL,) * 7 + (SensorState.SILENT,), 0.125, 0.5, 0.75),
 )
 
 EVENTS = [

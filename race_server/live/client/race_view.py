@@ -23,6 +23,7 @@ from race_server.net.wire.spectate import (
     decode_snapshot,
     decode_standings,
 )
+from race_server.net.wire.telemetry import TelemetriesFrame, decode_telemetries
 from race_server.net.wire.topics import Topic
 
 # A snapshot whose tick is lower than the last by more than this is of another race; a race that is
@@ -36,6 +37,7 @@ _DECODERS: dict[Topic, Callable[[bytes], Any]] = {
     topics.LINKS: decode_links,
     topics.LOT: decode_lot,
     topics.ALERTS: decode_alerts,
+    topics.TELEMETRIES: decode_telemetries,
     topics.PROGRAMME: decode_programme,
     topics.GHOSTS: decode_ghosts,
     topics.EVENTS: decode_events,
@@ -65,6 +67,7 @@ class RaceView:
         self.course: CourseSheet | None = None
         self.lot: LotFrame | None = None  # of a car park
         self.alerts: AlertsFrame | None = None  # of real karts
+        self.telemetry: TelemetriesFrame | None = None  # of the same
         self.programme: ProgrammeFrame | None = None  # of an event
         self.events = EventStream(most_events)
         self.offset = ClockOffset()
@@ -96,6 +99,8 @@ class RaceView:
             self.lot = message
         if topic is topics.ALERTS:
             self.alerts = message
+        if topic is topics.TELEMETRIES:
+            self.telemetry = message
         if topic is topics.PROGRAMME:
             self.programme = message
         return Update()
@@ -118,7 +123,8 @@ class RaceView:
         is_other = self.epoch >= 0
         if is_other:
             self.offset.restart()
-        self.epoch, self.snapshot, self.lot, self.alerts = epoch, None, None, None
+        self.epoch, self.snapshot, self.lot = epoch, None, None
+        self.alerts = self.telemetry = None
         self.events.begin(epoch)
         return is_other
 

@@ -13,7 +13,7 @@ from race_server.live.gateway.limits import GatewayLimits
 
 # Kinds of messages of which only the newest counts.
 SNAPSHOT, STANDINGS, LINKS, LOT, ALERTS = "snapshot", "standings", "links", "lot", "alerts"
-PROGRAMME, GHOSTS = "programme", "ghosts"
+TELEMETRY, PROGRAMME, GHOSTS = "telemetry", "programme", "ghosts"
 RAYS, HUD, OWN_POSE, OWN_ALERT, POSITION = "rays", "hud", "own pose", "own alert", "position"
 
 

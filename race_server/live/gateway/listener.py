@@ -15,7 +15,7 @@ from race_server.net.wire.topics import Topic
 ASKED = (topics.COURSE, topics.RULES, topics.LINE, topics.TABLE, topics.RECENT)
 RECEIVED = (
     *(topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LINKS, topics.LOT),
-    *(topics.ALERTS, topics.PROGRAMME, topics.GHOSTS),
+    *(topics.ALERTS, topics.TELEMETRIES, topics.PROGRAMME, topics.GHOSTS),
 )
 
 # A topic with its message; None with a sentence where the race has gone.

@@ -15,6 +15,7 @@ from race_server.live.gateway.audience import (
     LOT,
     PROGRAMME,
     STANDINGS,
+    TELEMETRY,
     Audience,
     Viewer,
 )
@@ -33,7 +34,8 @@ from race_server.net.wire.topics import Topic
 # What a new viewer is sent before the events, and after them.
 FIRST = (topics.COURSE, topics.RULES, topics.LINE, topics.STANDINGS)
 THEN = (
-    *(topics.LINKS, topics.LOT, topics.ALERTS, topics.PROGRAMME, topics.GHOSTS),
+    *(topics.LINKS, topics.LOT, topics.ALERTS, topics.TELEMETRIES),
+    *(topics.PROGRAMME, topics.GHOSTS),
     topics.SNAPSHOT,
 )
 # Messages that are kept for new viewers and published when they change; of some only the newest
@@ -44,6 +46,7 @@ _NEWEST = {
     topics.LINKS: LINKS,
     topics.LOT: LOT,
     topics.ALERTS: ALERTS,
+    topics.TELEMETRIES: TELEMETRY,
     topics.PROGRAMME: PROGRAMME,
     topics.GHOSTS: GHOSTS,
 }

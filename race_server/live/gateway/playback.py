@@ -20,6 +20,7 @@ from race_server.live.gateway.audience import (
     RAYS,
     SNAPSHOT,
     STANDINGS,
+    TELEMETRY,
     Viewer,
 )
 from race_server.live.gateway.frames import RecordedEventFrames, event_frames, frame_of
@@ -35,9 +36,11 @@ from race_server.net.wire.programme import decode_programme
 from race_server.net.wire.rays import encode_rays
 from race_server.net.wire.sheets import course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import SnapshotFrame, decode_snapshot, decode_standings
+from race_server.net.wire.telemetry import decode_telemetries
 from race_server.storage.recording.channels import ALERTS as ALERT_LINES
 from race_server.storage.recording.channels import GHOSTS, LOTS, PROGRAMMES, SNAPSHOTS
 from race_server.storage.recording.channels import STANDINGS as TABLES
+from race_server.storage.recording.channels import TELEMETRY as TELEMETRY_LINES
 from race_server.storage.recording.scenario_codec import unpack_scenario
 from race_server.storage.recording.seekable import Moment, SeekableRecording
 
@@ -142,12 +145,13 @@ class Player:
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""
-        table, programme, lot, alerts, snapshot, events = await self._run_in_pool(
+        table, programme, lot, alerts, told, snapshot, events = await self._run_in_pool(
             lambda: (
                 self._recording.newest(TABLES, tick),
                 self._recording.newest(PROGRAMMES, tick) if self._is_of_event else None,
                 self._recording.newest(LOTS, tick) if self._has_lot else None,
                 self._recording.newest(ALERT_LINES, tick) if self._has_real_karts else None,
+                self._recording.newest(TELEMETRY_LINES, tick) if self._has_real_karts else None,
                 self._recording.newest(SNAPSHOTS, tick),
                 self._event_frames.frames(bisect_right(self._ticks, tick)),
             )
@@ -163,6 +167,8 @@ class Player:
             outbox.send(lot.data)
         if alerts is not None and _is_sound(decode_alerts, alerts):
             outbox.send(alerts.data)
+        if told is not None and _is_sound(decode_telemetries, told):
+            outbox.send(told.data)
         for frame in events:
             outbox.send_frame(frame)
         if snapshot is not None and self._decode_snapshot(snapshot):
@@ -197,6 +203,9 @@ class Player:
             outbox.send_newest(PROGRAMME, frame_of(programme.data))
         if lot is not None and self._decode_lot(lot):
             outbox.send_newest(LOT, frame_of(lot.data))
+        told = newest.get(TELEMETRY_LINES)
+        if told is not None and _is_sound(decode_telemetries, told):
+            outbox.send_newest(TELEMETRY, frame_of(told.data))
         # Each of them: at a high speed a short one would be missed.
         for alerts in (moment for moment in found if moment.kind is ALERT_LINES):
             if _is_sound(decode_alerts, alerts):

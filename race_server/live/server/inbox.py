@@ -9,6 +9,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.alert import decode_alert
 from race_server.net.wire.drive import decode_control
 from race_server.net.wire.pose import decode_pose
+from race_server.net.wire.telemetry import decode_telemetry
 from race_server.session import Session
 
 
@@ -37,6 +38,8 @@ class Inbox:
             self._receive_pose(seat, data, arrived_us)
         for seat, data, arrived_us in self._link.receive_tracked(topics.ALERT):
             self._receive_alert(seat, data, arrived_us)
+        for seat, data, arrived_us in self._link.receive_tracked(topics.TELEMETRY):
+            self._receive_telemetry(seat, data, arrived_us)
         for request in self._link.receive_requests():
             self._requests.answer(request)
         for seat, is_there in self._link.receive_presence():
@@ -83,6 +86,15 @@ class Inbox:
         except WireError as error:
             self._counters.refused.record(error.reason, seat)
 
+    def _receive_telemetry(self, seat: int, data: bytes, arrived_us: int) -> None:
+        try:
+            frame = decode_telemetry(data)
+            self._check_epoch(frame.epoch)
+            telemetry = self._session.tracked_karts.telemetry
+            telemetry.receive(seat, frame.sequence, frame.telemetry, arrived_us)
+        except WireError as error:
+            self._counters.refused.record(error.reason, seat)
+
     def _check_epoch(self, epoch: int) -> None:
         if epoch != (now := self._session.epoch):
-            raise WireError(f"alert for epoch {epoch}, this is epoch {now}", Reason.EPOCH)
+            raise WireError(f"message for epoch {epoch}, this is epoch {now}", Reason.EPOCH)

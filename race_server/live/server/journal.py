@@ -20,6 +20,7 @@ from race_server.storage.recording.channels import (
     SCENE,
     SNAPSHOTS,
     STANDINGS,
+    TELEMETRY,
 )
 from race_server.storage.recording.header import header_of
 from race_server.storage.recording.logbook import Logbook
@@ -100,6 +101,8 @@ class Journal:
             recorder.write(LOTS, tick, payload)
         elif topic is topics.ALERTS:
             recorder.write(ALERTS, tick, payload)
+        elif topic is topics.TELEMETRIES:
+            recorder.write(TELEMETRY, tick, payload)
         elif topic is topics.PROGRAMME:
             recorder.write(PROGRAMMES, tick, payload)
         elif topic is topics.GHOSTS and payload != self._ghosts:

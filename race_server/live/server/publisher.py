@@ -28,6 +28,7 @@ from race_server.net.wire.spectate import (
     encode_events,
     encode_standings,
 )
+from race_server.net.wire.telemetry import TelemetriesFrame, encode_telemetries
 from race_server.net.wire.topics import Topic
 from race_server.session import Session
 from race_server.session.parking import has_lot
@@ -143,11 +144,15 @@ class Publisher:
         self._publish_alerts()
 
     def _publish_alerts(self, *, again: bool = False) -> None:
-        """Send what real karts see and do where that has changed, or again."""
-        tracked = self._session.tracked_karts
-        if tracked.alerts.has_news(time.monotonic_ns() // 1000) or (again and tracked.trackers):
+        """Send what real karts see and do where that has changed, or again; and how they are."""
+        tracked, now_us = self._session.tracked_karts, time.monotonic_ns() // 1000
+        if tracked.alerts.has_news(now_us) or (again and tracked.trackers):
             frame = AlertsFrame(self._session.epoch, self._session.tick, tracked.alerts.by_seat)
             self._publish(topics.ALERTS, encode_alerts(frame))
+        if tracked.telemetry.has_news(now_us):
+            karts = tracked.telemetry.by_seat
+            told = TelemetriesFrame(self._session.epoch, self._session.tick, karts)
+            self._publish(topics.TELEMETRIES, encode_telemetries(told))
 
     def publish_standings(self) -> None:
         """Send the standings, and while a race is on the state of its drivers' links.

@@ -40,6 +40,7 @@ _WITHOUT_BADGE = {
     topics.CONTROL: Reason.CONTROL_BADGE,
     topics.POSE: Reason.POSE_BADGE,
     topics.ALERT: Reason.ALERT_BADGE,
+    topics.TELEMETRY: Reason.TELEMETRY_BADGE,
 }
 # More unanswered requests on one key are dropped, and time out.
 MOST_QUERIES = 8
@@ -278,7 +279,8 @@ class ServerLink(Link):
 
     def expect_tracked(self, seats: Collection[int]) -> None:
         """Receive from real karts on these seats and no others: no flood where none sits."""
-        wanted = {(seat, topic) for seat in seats for topic in (topics.POSE, topics.ALERT)}
+        kinds = (topics.POSE, topics.ALERT, topics.TELEMETRY)
+        wanted = {(seat, topic) for seat in seats for topic in kinds}
         for seat, topic in wanted - self._tracked.keys():
             inputs = self._subscriber(topic, seat), self._check(topic, seat)
             self._tracked[seat, topic] = QueuedInputs(*inputs, self._arrived.set)
@@ -286,9 +288,10 @@ class ServerLink(Link):
             self._tracked.pop(key).close()
 
     def receive_tracked(self, topic: Topic) -> Iterator[tuple[int, bytes, int]]:
-        """Yield the newest poses, or alerts, of each real kart since the last call, oldest first.
+        """Yield the newest messages of each real kart since the last call, oldest first.
 
-        The third number is when each arrived [µs] by `time.monotonic`.
+        topic: of poses, alerts or telemetry. The third number is when each arrived [µs] by
+        `time.monotonic`.
         """
         for seat in sorted(seat for seat, kind in self._tracked if kind is topic):
             for data, arrived_us in self._tracked[seat, topic].receive():

@@ -51,6 +51,8 @@ CONTROL_HZ = 120.0
 POSE_HZ = 200.0
 # A kart tells what changed in each turn of its loop at most.
 ALERT_HZ = 200.0
+# Five a second, and one for each change of a sensor.
+TELEMETRY_HZ = 50.0
 # Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
 SHARED_HZ = 20.0
@@ -61,6 +63,10 @@ POSE = Topic("pose/{seat}", "PoseMessage", b"RPOS", "up", "10–100 Hz", 256, Tr
 ALERT = Topic(
     *("alert/{seat}", "AlertMessage", b"RALR", "up", "as it changes, 5 Hz while it lasts"),
     *(256, False, True, ALERT_HZ),
+)
+TELEMETRY = Topic(
+    *("telemetry/{seat}", "TelemetryMessage", b"RTEL", "up", "5 Hz, and as a sensor fails"),
+    *(256, True, True, TELEMETRY_HZ),
 )
 # What a real kart knows by itself: from its program to what is beside its driver, on the kart's own
 # machine, with a server or without.
@@ -74,6 +80,10 @@ EVENTS = Topic("out/events", "Events", b"REVT", "out", "as they happen", 65536, 
 STANDINGS = Topic("out/standings", "Standings", b"RSTD", "out", "2 Hz", 262144, True, True)
 LINKS = Topic("out/links", "Links", b"RLNK", "out", "2 Hz", 4096, True, False)
 ALERTS = Topic("out/alerts", "Alerts", b"RALS", "out", "as they change, 2 Hz", 4096, True, True)
+TELEMETRIES = Topic(
+    *("out/telemetry", "Telemetries", b"RTLS", "out", "5 Hz for each real kart"),
+    *(4096, True, True),
+)
 LOT = Topic("out/lot", "Lot", b"RLOT", "out", "2 Hz", 131072, True, True)
 PROGRAMME = Topic("out/programme", "Programme", b"RPRG", "out", "2 Hz", 131072, True, True)
 GHOSTS = Topic("out/ghosts", "Ghosts", b"RGHO", "out", "0.5 Hz", 1 << 20, True, True)
@@ -117,6 +127,7 @@ TOPICS = (
     CONTROL,
     POSE,
     ALERT,
+    TELEMETRY,
     OWN_POSE,
     OWN_ALERT,
     OBSERVATION,
@@ -127,6 +138,7 @@ TOPICS = (
     STANDINGS,
     LINKS,
     ALERTS,
+    TELEMETRIES,
     LOT,
     PROGRAMME,
     GHOSTS,

@@ -15,6 +15,7 @@ from race_server.session.parking import are_driven
 from race_server.session.tracked.alerts import KartAlerts
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits
+from race_server.session.tracked.telemetry import KartTelemetry
 from race_server.session.tracked.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
@@ -44,7 +45,7 @@ class TrackedKarts:
         # A car park has no line, but its area.
         self._area: Floats | None = None if len(course.line) else course.borders.reshape(-1, 2)
         self.trackers: dict[int, Tracker] = {}
-        self.alerts = KartAlerts()
+        self.alerts, self.telemetry = KartAlerts(), KartTelemetry()
         self._lengths: dict[int, float] = {}
 
     def __contains__(self, seat: int) -> bool:
@@ -54,16 +55,18 @@ class TrackedKarts:
         """Expect a real kart on a seat."""
         self.trackers[seat] = Tracker(PlausibilityLimits.of(vehicle))
         self.alerts.forget(seat)
+        self.telemetry.forget(seat)
         self._lengths[seat] = vehicle.length
 
     def dismiss(self, seat: int) -> None:
         """Expect it no more."""
         self.trackers.pop(seat, None)
         self.alerts.forget(seat)
+        self.telemetry.forget(seat)
 
     def begin(self, world: World, now_us: int) -> None:
         """Expect all of them on the grid of a new race."""
-        self.alerts = KartAlerts()
+        self.alerts, self.telemetry = KartAlerts(), KartTelemetry()
         race = world.races[0]
         lights_s = int(race.start_tick - race.tick) / TICKS_PER_SECOND
         for seat, tracker in self.trackers.items():

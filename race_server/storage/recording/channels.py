@@ -52,6 +52,7 @@ EVENTS = ChannelKind("out/events", "spectate.Events")
 STANDINGS = ChannelKind("out/standings", "spectate.Standings")
 LOTS = ChannelKind("out/lot", "spectate.Lot")
 ALERTS = ChannelKind("out/alerts", "spectate.Alerts")
+TELEMETRY = ChannelKind("out/telemetry", "spectate.Telemetries")
 PROGRAMMES = ChannelKind("out/programme", "spectate.Programme")
 GHOSTS = ChannelKind("out/ghosts", "spectate.Ghosts")
 # What Foxglove draws, see `scene.py`.
@@ -59,5 +60,6 @@ SCENE = ChannelKind("scene", "foxglove.SceneUpdate", "json")
 
 CHANNELS = (
     *(START, INPUTS, PLACEMENTS, ACTS, GRANTED, DIGEST, LAPS),
-    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, PROGRAMMES, GHOSTS, SCENE),
+    *(SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, TELEMETRY, PROGRAMMES, GHOSTS),
+    SCENE,
 )

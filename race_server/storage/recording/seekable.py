@@ -29,6 +29,7 @@ from race_server.storage.recording.channels import (
     SNAPSHOTS,
     STANDINGS,
     START,
+    TELEMETRY,
     ChannelKind,
 )
 from race_server.storage.recording.chunks import (
@@ -46,7 +47,8 @@ KEPT_CHUNKS = 8
 # Chunks to search backwards for the standings, which are written twice a second.
 LOOK_BACK = 64
 _SHOWN = {
-    kind.key: kind for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, PROGRAMMES, GHOSTS)
+    kind.key: kind
+    for kind in (SNAPSHOTS, EVENTS, STANDINGS, LOTS, ALERTS, TELEMETRY, PROGRAMMES, GHOSTS)
 }
 
 

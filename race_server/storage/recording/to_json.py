@@ -23,6 +23,7 @@ from race_server.net.wire.parking import BLOCK_NAMES, GOAL, TRAILER_NAMES, decod
 from race_server.net.wire.placement import decode_placements
 from race_server.net.wire.programme import decode_programme
 from race_server.net.wire.spectate import decode_events, decode_snapshot, decode_standings
+from race_server.net.wire.telemetry import decode_telemetries
 from race_server.session.interventions import InterventionKind
 from race_server.storage.recording.channels import (
     ACTS,
@@ -40,6 +41,7 @@ from race_server.storage.recording.channels import (
     SNAPSHOTS,
     STANDINGS,
     START,
+    TELEMETRY,
 )
 from race_server.storage.recording.reader import Line
 
@@ -142,6 +144,12 @@ def _lot(data: bytes) -> Words:
     return words | ({"ways": ways} if ways else {})
 
 
+def _telemetry(data: bytes) -> Words:
+    frame = decode_telemetries(data)
+    karts = [{"seat": seat, **told.as_json()} for seat, told in frame.karts.items()]
+    return {"tick": frame.tick, "karts": karts}
+
+
 def _alerts(data: bytes) -> Words:
     frame = decode_alerts(data)
     return {
@@ -179,5 +187,6 @@ _READERS: dict[str, Callable[[bytes], Words]] = {
     PROGRAMMES.key: _programme,
     GHOSTS.key: _ghosts,
     ALERTS.key: _alerts,
+    TELEMETRY.key: _telemetry,
     SCENE.key: json.loads,
 }

@@ -18,6 +18,7 @@ import zenoh
 from race_server.competition.launch import START_S
 from race_server.core.alert import Alert, Danger, DangerStage
 from race_server.core.messages import Control, Pose
+from race_server.core.telemetry import Telemetry
 from race_server.credentials import badge_of
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.transport import ClientLink
@@ -26,6 +27,7 @@ from race_server.net.wire.alert import AlertFrame, decode_alert, encode_alert
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.pose import PoseFrame, decode_pose, encode_pose
+from race_server.net.wire.telemetry import TelemetryFrame, decode_telemetry, encode_telemetry
 from race_server.net.wire.topics import key_of
 from race_server.tools.drills.damage import crafted, mutated
 from race_server.tools.drills.decoders import Inbound, inbound
@@ -58,7 +60,8 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
     sys.stdin.readline()
     chance = random.Random(seed)
     epoch = insiders[0].welcome.epoch + 1
-    control, pose, alert = _control_of(epoch), _pose_of(epoch), _alert_of(epoch)
+    control, pose = _control_of(epoch), _pose_of(epoch)
+    alert, told = _alert_of(epoch), _telemetry_of(epoch)
     with zenoh.open(_plain_config(address)) as outside:
         puts = [
             *_forgeries(outside, control, range(honest), chance),
@@ -68,6 +71,8 @@ def attack(address: str, messages: int, rate: int, seed: int, honest: int) -> No
             *(Way(kind, insiders[1].send) for kind in (pose, control)),
             *_forgeries(outside, alert, range(honest + 2), chance),
             Way(alert, insiders[1].sender(topics.ALERT)),
+            *_forgeries(outside, told, range(honest + 2), chance),
+            Way(told, insiders[1].sender(topics.TELEMETRY)),
         ]
         _send_all(puts, list(_asks(outside)), outside, messages, rate, chance)
     for insider in insiders:
@@ -98,6 +103,11 @@ def _control_of(epoch: int) -> Inbound:
 def _pose_of(epoch: int) -> Inbound:
     pose = encode_pose(PoseFrame(epoch, 1 << 30, 0, Pose(1, 1.0, 1.0, 0.5, 2.0)))
     return Inbound(topics.POSE, pose, decode_pose)
+
+
+def _telemetry_of(epoch: int) -> Inbound:
+    told = encode_telemetry(TelemetryFrame(epoch, 1 << 30, Telemetry(1)))
+    return Inbound(topics.TELEMETRY, told, decode_telemetry)
 
 
 def _alert_of(epoch: int) -> Inbound:

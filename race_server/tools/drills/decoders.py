@@ -24,11 +24,13 @@ from race_server.core.messages import (
     Pose,
     PoseFault,
     RayHit,
+    Source,
     Standing,
     Status,
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.telemetry import Health, SensorState, Telemetry
 from race_server.core.vehicle_presets import TT02
 from race_server.errors import GatewayError, RaceError, RecordingError, ResultsError, SeatError
 from race_server.errors import WireError as Damage
@@ -49,6 +51,7 @@ from race_server.net.wire import (
     pose,
     programme,
     spectate,
+    telemetry,
     topics,
 )
 from race_server.net.wire.topics import Topic
@@ -62,6 +65,10 @@ from race_server.tools.drills.bombs import MEGABYTE, chunk, crowd, record, zeros
 TEXT_BYTES = GatewayLimits().text_bytes
 # The longest message that is made for a decoder which takes longer ones.
 MOST_MADE = 1 << 16
+TOLD = Telemetry(
+    *(99, 1.0, 2.0, 0.5, 3.0, 0.1, Source.BEACONS, DangerStage.EASE, Cause.SENSOR),
+    Health((SensorState.WELL,) * 7 + (SensorState.SILENT,), 0.01, 0.05, 0.75),
+)
 SEEN = Alert(
     99,
     Danger(DangerStage.FULL, RayHit.PERSON, 0.25, 4.5, 0.75, 6.5, Advice.BRAKE),
@@ -110,6 +117,11 @@ def inbound() -> tuple[Inbound, ...]:
         Inbound(topics.CONTROL, drive.encode_control(control), drive.decode_control),
         Inbound(topics.POSE, pose.encode_pose(pose.PoseFrame(1, 7, 3, placed)), pose.decode_pose),
         Inbound(topics.ALERT, alert.encode_alert(alert.AlertFrame(1, 7, SEEN)), alert.decode_alert),
+        Inbound(
+            topics.TELEMETRY,
+            telemetry.encode_telemetry(telemetry.TelemetryFrame(1, 7, TOLD)),
+            telemetry.decode_telemetry,
+        ),
         Inbound(topics.JOIN, join, lobby.decode_join),
         Inbound(topics.READY, act, lobby.decode_seat_act),
         Inbound(topics.LEAVE, act, lobby.decode_seat_act),
@@ -193,6 +205,8 @@ def _of_races() -> Iterator[Decoder]:
     yield _client(links.encode_links(frame), links.decode_links, topics.LINKS.most_bytes)
     said = alert.encode_alerts(alert.AlertsFrame(2, 600, {3: SEEN}))
     yield _client(said, alert.decode_alerts, topics.ALERTS.most_bytes)
+    told = telemetry.encode_telemetries(telemetry.TelemetriesFrame(2, 600, {3: TOLD}))
+    yield _client(told, telemetry.decode_telemetries, topics.TELEMETRIES.most_bytes)
     order = ParkingOrder(Slot(1.0, 2.0, 0.5, 3.0, 2.0), Level(), np.ones((4, 4)), np.ones((2, 5)))
     asked = parking.encode_order(parking.OrderFrame(2, 1, order))
     yield _client(asked, parking.decode_order, topics.ORDER.most_bytes)

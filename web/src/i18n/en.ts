@@ -362,6 +362,13 @@ export const en = {
     warns: (advice: string, reason: string) => `${advice}: ${reason}`,
     told: (who: string, doing: string, reason: string) => `${who}: kart ${doing}: ${reason}`,
   },
+  telemetry: {
+    title: 'Real karts',
+    columns: ['Kart', 'Speed', 'Place', 'Link', 'Battery', 'Sensors'],
+    unknown: 'not known',
+    sensors: ['fixes', 'beacons', 'wheels', 'gyro', 'accelerometer', 'steering', 'radar', 'lidar'],
+    states: ['', '', 'silent', 'stuck', 'refused'],
+  },
   alerts: {
     kartBrakes: '', // what the kart says
     kartWarns: '',

@@ -355,6 +355,13 @@ export const fr: Words = {
     warns: (advice, reason) => `${advice} : ${reason}`,
     told: (who, doing, reason) => `${who} : le kart ${doing} : ${reason}`,
   },
+  telemetry: {
+    title: 'Karts réels',
+    columns: ['Kart', 'Vitesse', 'Position', 'Liaison', 'Batterie', 'Capteurs'],
+    unknown: 'inconnue',
+    sensors: ['positions', 'balises', 'roues', 'gyroscope', 'accéléromètre', 'direction', 'radar', 'lidar'],
+    states: ['', '', 'muet', 'figé', 'rejeté'],
+  },
   alerts: {
     kartBrakes: '',
     kartWarns: '',

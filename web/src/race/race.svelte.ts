@@ -1,6 +1,7 @@
 // The state of one race, which views read. What changes with every
 // snapshot is plain data for the drawing loop; what people read is reactive and changes slowly.
 
+import type { ByteBuffer } from 'flatbuffers';
 import type {
   AlertsFrame,
   BriefingFrame,
@@ -73,6 +74,7 @@ export class Race {
   headline = $state.raw<Headline | null>(null);
   hud = $state.raw<HudFrame | null>(null);
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
+  telemetry = $state.raw<ByteBuffer | null>(null); // of real karts, see `telemetry.ts`
   toldAlerts = $state.raw<readonly ToldAlert[]>([]); // what they said, oldest first
   briefing = $state.raw<BriefingFrame | null>(null);
   programme = $state.raw<ProgrammeFrame | null>(null); // of an event
@@ -123,6 +125,9 @@ export class Race {
         return;
       case 'links':
         return this.ages.take(frame);
+      case 'telemetry':
+        this.telemetry = frame.buffer;
+        return;
       case 'alerts':
         return this.takeAlerts(frame);
       case 'own pose':
@@ -225,6 +230,7 @@ export class Race {
     this.endedS.clear();
     this.rays = null;
     this.alerts = new Map();
+    this.telemetry = null;
   }
 
   private forgetEvents(): void {

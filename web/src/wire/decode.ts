@@ -57,6 +57,7 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RRAY: readRays,
   RLNK: readLinks,
   RALS: readAlerts,
+  RTLS: (buffer) => ({ kind: 'telemetry', buffer }),
   RLOT: readLot,
   RHUD: readHud,
   RALR: readOwnAlert,

@@ -1,5 +1,6 @@
 // Messages of the gateway as plain data. SI units; angles in radians, left positive.
 
+import type { ByteBuffer } from 'flatbuffers';
 import type {
   Advice,
   DangerStage,
@@ -246,6 +247,12 @@ export interface KartAlert {
   needed: number; // [m/s²] of braking
 }
 
+/** How real karts are, as it came: only the steward's view reads it. */
+export interface TelemetryFrame {
+  kind: 'telemetry';
+  buffer: ByteBuffer;
+}
+
 export interface AlertsFrame {
   kind: 'alerts';
   tick: number;
@@ -368,6 +375,7 @@ export type Frame =
   | RaysFrame
   | LinksFrame
   | AlertsFrame
+  | TelemetryFrame
   | OwnAlertFrame
   | OwnPoseFrame
   | LotFrame

@@ -14,3 +14,5 @@ export { Pose } from './drive/pose.js';
 export { PoseMessage } from './drive/pose-message.js';
 export { SeatObservation } from './drive/seat-observation.js';
 export { Slot } from './drive/slot.js';
+export { Telemetry } from './drive/telemetry.js';
+export { TelemetryMessage } from './drive/telemetry-message.js';
