@@ -187,5 +187,6 @@ class FollowGap(KernelDriver):
 
     preset = "lidar"
     vehicles = (*TENTH, *KARTS)
+    needs_walls = True
     decide = staticmethod(follow)
     decide_all = staticmethod(follow_all)

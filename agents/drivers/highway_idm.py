@@ -13,7 +13,7 @@ import numpy as np
 from race_server.core.driver import Briefing
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.core.vehicle_presets import KARTS, TENTH
+from race_server.core.vehicle_presets import TENTH
 from race_server.core.vehicles import GRAVITY
 from race_server.errors import DriverError
 from race_server.scenario.highway import INSTALL, has_highway
@@ -31,7 +31,7 @@ class HighwayIdm:
     """Follows the road as a vehicle of highway-env does: by its Intelligent Driver Model."""
 
     preset = "line"
-    vehicles = (*TENTH, *KARTS)
+    vehicles = (*TENTH, "kart-13", "kart-30")  # faster, it runs wide in narrow bends
 
     def __init__(self) -> None:
         """Check that highway-env is there.

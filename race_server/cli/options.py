@@ -68,18 +68,26 @@ def known_drivers(text: str) -> tuple[str, ...]:
 
 
 def drivers_for(
-    text: str, usual: Sequence[str], vehicles: Sequence[str], *, unfit: bool
+    text: str,
+    usual: Sequence[str],
+    vehicles: Sequence[str],
+    *,
+    unfit: bool,
+    courses: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Return the drivers of a comma-separated list, all of them made for the vehicles.
 
-    usual: where the list is empty those of them that are; unfit: any driver is taken that is named.
+    usual: where the list is empty those of them that are, and for the courses, too; unfit: any
+    driver is taken that is named.
 
     Raises:
         ScenarioError: one of them is not installed.
         VehicleError: one of the vehicles does not exist.
+        TrackError: one of the courses does not, and the list is empty.
         DriverError: one of them is not made for one of the vehicles.
     """
-    from race_server.core.suitability import check_suits, suited
+    from race_server.core.driver import driver_named
+    from race_server.core.suitability import check_suits, suited, suits_course
     from race_server.core.vehicle_presets import vehicle_named
 
     for vehicle in vehicles:
@@ -89,8 +97,21 @@ def drivers_for(
         names = tuple(usual)
         for vehicle in vehicles:
             names = suited(vehicle, names)
-        return names
+        verge = max((verge_of(course) for course in courses), default=0.0)
+        return tuple(name for name in names if suits_course(driver_named(name), verge))
     if not unfit:
         for vehicle in vehicles:
             check_suits(names, vehicle, ", or let it drive with --unfit")
     return names
+
+
+def verge_of(track: str) -> float:
+    """Return how wide kerb and grass of a course are [m].
+
+    Raises:
+        TrackError: there is no such course.
+    """
+    from race_server.scenario.track.load import load_course
+
+    course = load_course(track)
+    return course.kerb + course.grass

@@ -17,7 +17,7 @@ from race_server.terminal import Console
 if TYPE_CHECKING:
     from race_server.competition.launch import RaceSpec
 
-DRIVERS = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider")
+DRIVERS = ("raceline", "idm", "follow_gap", "tentacles", "pure_pursuit", "avoider", "radar_line")
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,9 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
     if options.lot:
         names = known_drivers(options.drivers or VALET)
     else:
-        names = drivers_for(options.drivers, DRIVERS, (options.car,), unfit=options.unfit)
+        vehicles, courses = (options.car,), (options.track,)
+        unfit = options.unfit
+        names = drivers_for(options.drivers, DRIVERS, vehicles, unfit=unfit, courses=courses)
     if not names:
         raise ScenarioError(f"--drivers names none; choose from {', '.join(driver_names())}")
     mixed = options.mixed

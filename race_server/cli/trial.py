@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from race_server.competition.time_trial.save import RunLog
 
 REPORT_B = "report-b"
-DRIVERS = ("raceline", "follow_gap", "tentacles")
+DRIVERS = ("raceline", "follow_gap", "tentacles", "radar_line")
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,8 @@ def trial(options: TrialOptions) -> None:
 
 def _drivers(options: TrialOptions) -> tuple[str, ...]:
     vehicles = _names(options.vehicles, "--vehicles")
-    names = drivers_for(options.drivers, DRIVERS, vehicles, unfit=options.unfit)
+    tracks = _names(options.tracks, "--tracks")
+    names = drivers_for(options.drivers, DRIVERS, vehicles, unfit=options.unfit, courses=tracks)
     if not names:
         raise ScenarioError(
             f"no usual driver is made for all of {', '.join(vehicles)}; name one with --drivers"

@@ -39,7 +39,8 @@ class Driver(Protocol):
 
     `preset` names the observation that the driver wants, see `race_server.core.observation`. A
     driver may have an attribute `vehicles` too, the names of those that it is made for; one
-    without it drives any, see `race_server.core.suitability`.
+    without it drives any; and `needs_walls`, if it sees borders alone and no edge of the
+    asphalt. See `race_server.core.suitability`.
     """
 
     preset: str

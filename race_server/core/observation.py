@@ -74,6 +74,8 @@ PRESETS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "track": (*_MOTION, *_TRACK, *_WORLD, *_GAME, *_GAPS),
         # For drivers that may know the fastest line as well; see `scenario/raceline/attach.py`.
         "line": (*_MOTION, *_TRACK, *_LINE, *_WORLD, *_GAME, *_GAPS, *_HELD),
+        # For drivers that know the line by a map, and others by their radar alone.
+        "radar_line": ("radar", "radar_kind", *_MOTION, *_TRACK, *_LINE, *_GAME, *_GAPS, *_HELD),
         # The line, and where other karts are beside it: for policies that race.
         "rivals": (
             *_MOTION,

@@ -38,6 +38,15 @@ def suits(driver: Driver, vehicle: str) -> bool:
     return not names or vehicle in names or vehicle.removesuffix(KINEMATIC) in names
 
 
+def suits_course(driver: Driver, verge: float) -> bool:
+    """Return whether a driver sees the edge of the asphalt on a course, or does not need to.
+
+    A driver that `needs_walls` has a lidar and no map: it drives up to the borders. verge: [m] of
+    kerb and grass between them and the asphalt.
+    """
+    return verge == 0.0 or not getattr(driver, "needs_walls", False)
+
+
 def senses_of(preset: str) -> tuple[str, ...]:
     """Return what a preset shows, in words of `SENSES`; nothing for a preset that is unknown."""
     parts = PRESETS.get(preset, ())

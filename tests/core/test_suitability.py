@@ -3,7 +3,14 @@
 import pytest
 
 from race_server.core.driver import driver_named
-from race_server.core.suitability import check_suits, senses_of, suited, suits, vehicles_of
+from race_server.core.suitability import (
+    check_suits,
+    senses_of,
+    suited,
+    suits,
+    suits_course,
+    vehicles_of,
+)
 from race_server.core.vehicle_presets import KARTS, TENTH, VEHICLES
 from race_server.errors import DriverError
 
@@ -22,6 +29,12 @@ def test_tentacles_are_for_the_1_10_car_and_the_raceline_for_karts_too() -> None
 def test_a_vehicle_without_slip_is_the_same_vehicle() -> None:
     assert suits(driver_named("tentacles"), "tt02-kinematic")
     assert not suits(driver_named("tentacles"), "kart-60-kinematic")
+
+
+def test_a_driver_without_a_map_is_not_for_a_course_with_grass() -> None:
+    assert suits_course(driver_named("follow_gap"), 0.0)
+    assert not suits_course(driver_named("follow_gap"), 4.5)
+    assert suits_course(driver_named("radar_line"), 4.5)
 
 
 def test_a_driver_that_does_not_say_drives_anything() -> None:
