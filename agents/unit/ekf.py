@@ -313,7 +313,7 @@ class KartFilter:
         """
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > most:
-            self._refused[sensor], self._calm_s = 0, 0.0
+            self._refused[sensor] = 0
             slope = slope.copy()
             slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
             self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
