@@ -5,11 +5,18 @@ from pathlib import Path
 from race_server.competition.event_board import programme_of
 from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.plan import DayPlan, teams_of
+from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import DeletedLap, RaceRecord, TeamResult
 from race_server.core.messages import EventPhase
 from race_server.core.vehicle_presets import TT02
 from race_server.net.wire.ghosts import GhostFrame, decode_ghosts
-from race_server.net.wire.programme import Call, ProgrammeFrame, decode_programme
+from race_server.net.wire.programme import (
+    Call,
+    ProgrammeFrame,
+    ProtestRow,
+    decode_programme,
+    encode_programme,
+)
 from race_server.net.wire.programme import DeletedLap as DeletedLapRow
 from race_server.scenario.track.load import load_course
 from race_server.storage.recording.channels import GHOSTS, PROGRAMMES
@@ -91,3 +98,17 @@ def test_an_event_with_one_more_record_leaves_the_event_itself_as_it_was() -> No
     assert (day.records, len(later.records)) == ([], 1)
     assert day.next is not None
     assert day.next.title == "Qualification: Anna, attempt 1"
+
+
+def test_protests_and_what_may_still_change_survive_the_wire() -> None:
+    plan = DayPlan(TRIAL, teams_of(["Anna", "Bert"]), {"A": load_course("oval")}, TT02, 1)
+    day = Day(plan, "cup", [RaceRecord("0a", (result_of("Anna", 1, 7_000_000, ()),))])
+    title = day.driven[0].title
+    day.rule((Protest(1, 0, title, "Bert", "Anna", "cut", "now"),))
+    seats = {"Anna": 0, "Bert": 1}
+    frame = programme_of(day, day.next, EventPhase.CALLED, seats)
+    assert decode_programme(encode_programme(frame)) == frame
+    assert frame.protests == (ProtestRow(1, title, "Bert", "Anna", "cut", ""),)
+    assert {row.name: row.can_change for row in frame.teams} == {"Anna": True, "Bert": False}
+    over = programme_of(day, day.next, EventPhase.OVER, seats)
+    assert not any(row.can_change for row in over.teams)

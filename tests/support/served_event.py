@@ -122,7 +122,7 @@ class Served:
                 server._penalise_late(penalised, seconds)
             if len(event.day.records) == protest_after + 1:
                 event._desk.lodge(1 - penalised, penalised, "cut the chicane")
-                event._desk.decide(1, seconds, "marshal")
+                event._desk.decide(1, "upheld", seconds, "marshal")
 
         server.advance = watched  # type: ignore[method-assign]
         event._add = added  # type: ignore[method-assign]

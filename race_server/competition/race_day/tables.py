@@ -45,7 +45,7 @@ def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
 def _protest_table(ledger: Ledger) -> DayTable:
     """Return all protests with what was decided."""
     rows = tuple(
-        (str(one.number), one.title, one.by, one.against, one.why, one.outcome)
+        (str(one.number), one.title, one.by or "stewards", one.against, one.why, one.outcome)
         for one in ledger.protests
     )
     columns = ("", "about", "by", "against", "why", "decision")
