@@ -23,6 +23,12 @@ class DayTable:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: frozenset[str] = frozenset({"team", "driver", "remarks"})  # columns set left
+    labels: tuple[str, ...] = ()  # of the columns, in the language of the sheet
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the columns."""
+        return self.labels or self.columns
 
 
 def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
