@@ -46,12 +46,15 @@ def test_a_late_spectator_is_told_all_events_of_the_race(served: ServedRace) -> 
 
 
 def test_other_programs_read_the_timing_as_json(served: ServedRace) -> None:
+    wait_until(lambda: ask(served, "timing")[0] == 200)
     status, _, body = ask(served, "timing")
     table = json.loads(body)
     assert (status, table["course"], len(table["rows"])) == (200, "ring", 2)
     first = min(table["rows"], key=lambda row: row["rank"])
     assert (first["gap_us"], first["timing"]["interval_us"]) == (0, 0)
     assert len(first["timing"]["mini_merits"]) == 20
+    results = json.loads(ask(served, "results.json")[2])
+    assert (results["race"]["course"], results["event"]) == (table["course"], None)
 
 
 def test_a_spectator_gets_as_many_snapshots_as_it_wants(served: ServedRace) -> None:
