@@ -36,7 +36,7 @@ def hold(server: RaceServer, folder: Path) -> None:
     server.lobby.wait_until(lambda: server.session.seats[ADA].is_taken)
     state = begin_event(server, spec, len(DRIVERS) + 1)
     if state is not None:
-        server.session.seats[ADA].is_ready = False  # she does not drive
+        server.session.seats[ADA].is_present = False  # she does not come to her call
         LiveEvent(server, spec, state, Log(), lambda *_: None).run()
 
 

@@ -196,6 +196,8 @@ export const en = {
       'was not seen for a while': 'was not seen for a while',
     } as Record<string, string>,
     gate: (number: string) => `left out gate ${number}`,
+    // What the server says in English, as patterns and texts.
+    said: [] as [RegExp, string][],
     podium: 'Podium',
     yourTurn: 'It is your turn',
     onTrack: (who: string) => `On track: ${who}`,
