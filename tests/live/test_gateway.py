@@ -18,6 +18,7 @@ from race_server.net.wire.spectate import decode_events, decode_snapshot
 from support.browsers import DRIVE, STEWARD, WATCH, Browser
 from support.rays import decode_rays
 from support.served_race import ORIGIN, TOKENS, ServedRace, ask, gated, racing, wait_for_race
+from support.servers import wait_until
 
 pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
 

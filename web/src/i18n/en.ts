@@ -147,6 +147,7 @@ export const en = {
   control: { title: 'Race control', empty: 'No messages yet.' },
   charts: {
     laps: 'Lap chart',
+    stints: 'Stints',
     speed: 'Speed',
     lap: 'lap',
     place: 'place',

@@ -144,6 +144,7 @@ export const fr: Words = {
   control: { title: 'Direction de course', empty: 'Rien à signaler.' },
   charts: {
     laps: 'Places par tour',
+    stints: 'Relais',
     speed: 'Vitesse',
     lap: 'tour',
     place: 'place',

@@ -63,13 +63,6 @@ export function remarksOn(team: TeamFrame, words: Words): string {
     .join(' · ');
 }
 
-/** Returns what was decided on a protest, in the reader's language. */
-export function outcomeText(outcome: string, words: Words): string {
-  const [verdict = '', ...more] = outcome.split(', ');
-  const text = outcome ? (words.protest.outcomes[verdict] ?? verdict) : words.protest.open;
-  return [text, ...more].join(', ');
-}
-
 /** Returns the first three of an event that is over, none before. */
 export function podiumOf(programme: ProgrammeFrame): TeamFrame[] {
   if (programme.driven < programme.drives) return [];
