@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from race_server.competition.race_day.tables import DayTable
+from race_server.competition.race_day.tables import STEWARDS, DayTable
 from race_server.errors import ScenarioError
 
 LANGUAGES = ENGLISH, FRENCH = "en", "fr"
@@ -32,7 +32,7 @@ _WORDS = {
     "against": "contre",
     "why": "motif",
     "decision": "décision",
-    "stewards": "commissaires",
+    STEWARDS: "commissaires",
     "failed": "échec",
     "out": "ab.",
     "n. c.": "n. c.",
@@ -125,7 +125,7 @@ def translated(table: DayTable, say: Say) -> DayTable:
 
 
 def _cell(column: str, cell: str, say: Say) -> str:
-    if column in {"team", "driver", "against", "why"}:
+    if column in {"team", "driver", "against", "why"} or (column == "by" and cell != STEWARDS):
         return cell
     if column == "about":
         return title_in(cell, say)
