@@ -11,6 +11,9 @@ const LATER = [
   { name: 'headset', begins: /^session-/, most: 60 },
   { name: 'sound', begins: /^player-/, most: 4 },
   { name: 'steward', begins: /^Steward-/, most: 8 },
+  { name: 'event', begins: /^EventPanel-/, most: 6 },
+  { name: 'protest', begins: /^ProtestForm-/, most: 2 },
+  { name: 'stints', begins: /^Stints-/, most: 2 },
 ];
 const folder = new URL('../race_server/live/gateway/page/', import.meta.url).pathname;
 const assets = join(folder, 'assets');
