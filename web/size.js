@@ -12,6 +12,9 @@ const LATER = [
   { name: 'sound', begins: /^player-/, most: 4 },
   { name: 'steward', begins: /^Steward-/, most: 8 },
   { name: 'telemetry', begins: /^Telemetry-/, most: 4 },
+  { name: 'event', begins: /^EventPanel-/, most: 6 },
+  { name: 'protest', begins: /^ProtestForm-/, most: 2 },
+  { name: 'stints', begins: /^Stints-/, most: 2 },
 ];
 const folder = new URL('../race_server/live/gateway/page/', import.meta.url).pathname;
 const assets = join(folder, 'assets');

@@ -15,9 +15,11 @@ from race_server.core.free_space.state_costs import (
     cost_to_go,
     state_after,
 )
-from race_server.core.kernels.geometry import Pose, clip, seen_from, wrap_angle
+from race_server.core.kernels.boxes import Hull, hull_of
+from race_server.core.kernels.geometry import Pose, clip, cos_sin
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.trailers import axle_pose
+from race_server.core.rules.parking import stand_in
 from race_server.core.state import Floats, Ints, Record, Records
 
 # What is tried: shares of the greatest rate at which the angle changes, the most strides, and how
@@ -30,9 +32,9 @@ AHEAD_OF_IT, STEERED_TO = 12, 3
 SLOW, TOP, BRAKING = 0.3, 1.0, 0.5
 # A change of the wheels' angle [rad] that does not slow the vehicle down.
 LITTLE = 0.06
-# It stands where it is as near to its place as this share of what its level allows, and of the
-# room [m] that a body which has to lie inside a slot has there.
-SETTLED, ROOM = 0.7, 0.14
+# It stands where it is as near to its place as this share of what its level allows, and of the room
+# that a body which has to lie inside a slot has there.
+SETTLED = 0.7
 
 
 class Choice(NamedTuple):
@@ -97,14 +99,19 @@ def lead(found: StateCosts, rig: Rig, goal: Pose, state: Towed, gear: int, top: 
 
 
 @kernel
-def _is_settled(parker: Record, seen: Pose) -> bool:
-    """Return whether a rear axle, seen from its place, is near enough to it. parker: PARKER."""
+def _is_settled(parker: Record, hull: Hull) -> bool:
+    """Return whether a body stands well enough in its slot. parker: PARKER."""
+    stand = stand_in(parker, hull)
     along = parker.along if parker.along > 0.0 else parker.within
     across = parker.across if parker.across > 0.0 else parker.within
     if parker.fits:
-        along = min(along, ROOM)
-    is_near = abs(seen.x) < SETTLED * along and abs(seen.y) < SETTLED * across
-    return bool(is_near and abs(wrap_angle(seen.heading)) < SETTLED * parker.turn)
+        cos, sin = cos_sin(stand.turn)
+        half_along = hull.half_length * cos + hull.half_width * abs(sin)
+        half_across = hull.half_length * abs(sin) + hull.half_width * cos
+        along = min(along, 0.5 * parker.length - half_along)
+        across = min(across, 0.5 * parker.width - half_across)
+    is_near = abs(stand.along) < SETTLED * along and abs(stand.across) < SETTLED * across
+    return bool(is_near and abs(stand.turn) < SETTLED * parker.turn)
 
 
 @large_kernel
@@ -135,7 +142,7 @@ def lead_all(
         late = max(abs(told.angle - body.steering), LITTLE) / vehicle.steering_rate
         most = max(STEERED_TO * STRIDE * found.grid.cell / late, SLOW)
         speed = clip(told.speed, -most, most)
-        if _is_settled(parker, seen_from(goal, axle)):
+        if _is_settled(parker, hull_of(vehicle, body, 0)):
             speed = 0.0
         controls[w, 0] = speed
         controls[w, 1] = clip(told.angle / vehicle.steering_limit, -1.0, 1.0)

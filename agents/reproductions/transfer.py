@@ -15,7 +15,7 @@ from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from race_agents.policies.registry import BEST, policy_path, run_folder
+from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_agents.reproductions.exam import Decide
 from race_agents.reproductions.kart_there import KartThere, similar_kart
@@ -24,10 +24,10 @@ from race_agents.reproductions.parking_v0 import SHARE, examine_there, make_park
 from race_agents.reproductions.plan import Learned, ParkingExam
 from race_agents.reproductions.watch import Watch, mean_return
 from race_agents.training.budget import Budget
-from race_agents.training.checkpoint import begin_with
 from race_agents.training.hindsight import hindsight_learner, slackened, vehicles_of
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.normaliser import Normaliser
+from race_agents.training.policy_start import begin_with_policy
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, set_key, settings_of
 from race_agents.training.tasks import training_task
@@ -40,7 +40,6 @@ from race_server.second.similarity import Similarity
 
 Tell = Callable[[float], None]
 
-BUNDLED = "parking-1"  # the policy that is tried as it is
 LEVELS = ("goal", "parked")
 
 
@@ -99,14 +98,15 @@ class HindsightThere:
 
 @dataclass(frozen=True)
 class Bundled:
-    """The bundled policy as it is, in `parking-v0` or, without a place, where settings say."""
+    """A bundled policy as it is, in `parking-v0` or, without a place, where settings say."""
 
+    name: str = "parking-1"
     there: bool = True
     similar: bool = True  # as a kart of another size, and not metres for metres
 
     def give(self, settings: Settings, starts: int, tell: Tell) -> Learned:
         """Examine."""
-        decide = Policy(policy_path(BUNDLED)).decide
+        decide = Policy(policy_path(self.name)).decide
         tell(0.5)
         if not self.there:
             return Learned(0, _untrained(figures_in_lot(settings, starts, decide)), [])
@@ -116,19 +116,21 @@ class Bundled:
 
 @dataclass(frozen=True)
 class OnThere:
-    """PPO in `parking-v0`, going on from what a run of ours learned at home, or from nothing."""
+    """PPO in `parking-v0`, going on from a bundled policy that learned at home, or from nothing."""
 
-    run: str = ""  # the first run of the preset of the bundled policy is what that was exported of
+    name: str = ""
+    similar: bool = True  # as a kart of another size, and not metres for metres
 
     def give(self, settings: Settings, starts: int, tell: Tell) -> Learned:
         """Train and examine."""
-        budget, similar = Budget.of(settings), similar_kart(settings)
+        budget = Budget.of(settings)
+        similar = similar_kart(settings) if self.similar else Similarity()
         kart = KartThere(settings, similar)
         karts = DummyVecEnv([_watched(lambda: KartThere(settings, similar))] * settings.worlds)
         world = Normaliser(karts, ObservationView.of(settings), norm_reward=False)
         learner = learner_of(settings, world, budget, None)
-        if self.run:
-            begin_with(run_folder(self.run) / BEST, learner, world)
+        if self.name:
+            begin_with_policy(policy_path(self.name), learner, world)
             world.training = False  # what it has learned depends on the means of home
         watch = Watch(settings, budget, tell)
         learner.learn(budget.steps_left, callback=watch)

@@ -5,8 +5,6 @@ to the same place, all slots but its own are taken for occupied where the lot ma
 whichever are: what the round has drawn there does not matter.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,10 +14,10 @@ from race_agents.training.lot_teacher import Labels, LotTeacher
 from race_server.core.free_space.ground import Ground
 from race_server.core.free_space.obstacles import PASSING, cover_radius
 from race_server.core.free_space.rig import rig_of_car, scale_of
-from race_server.core.free_space.state_costs import StateCosts, kept_state_costs
-from race_server.core.kernels.geometry import Pose
+from race_server.core.free_space.state_costs import CELL, StateCosts, kept_state_costs
+from race_server.core.kernels.geometry import Pose, seen_from
 from race_server.core.lots import Lots
-from race_server.core.state import Walls
+from race_server.core.state import Record, Walls
 from race_server.core.vehicles import Vehicle
 from race_server.envs.actions import CRAWLED, action_kind
 from race_server.envs.batch import Batch
@@ -30,10 +28,17 @@ from race_server.envs.parking.heuristics.atlas import check_lot, goal_in, standi
 MARGIN, LOCK, CUSP = 0.08, 0.98, 6.0
 # How fast the front wheels turn [rad/m]: by 0.5 rad/s at 0.5 m/s.
 RATE = 1.0
+# Difference [m], [rad] below which slots are alike, and lengths between those one behind another.
+ALIKE, NEXT = 1e-3, 1.1
 
 
-def costs_to(lots: Lots, walls: Walls, number: int, slot: int, vehicle: Vehicle) -> StateCosts:
-    """Return the costs to go to a slot. number: of the lot; slot: its number in the lot."""
+def costs_to(
+    lots: Lots, walls: Walls, number: int, slot: int, vehicle: Vehicle, cell: float
+) -> StateCosts:
+    """Return the costs to go to a slot.
+
+    number: of the lot; slot: its number in the lot; cell: side of a cell [m] for the usual bar.
+    """
     lot, site = lots.lots[number], walls.sites[number]
     first = int(site["wall_start"])
     segments = walls.segments[first : first + int(site["wall_count"])]
@@ -49,25 +54,40 @@ def costs_to(lots: Lots, walls: Walls, number: int, slot: int, vehicle: Vehicle)
         reach=1.0,
         near=PASSING + cover_radius(rig.drawn),
     )
-    return kept_state_costs(obstacles, rig, goal, rate=RATE, cusp=CUSP * scale_of(rig.bar))
+    cusp = CUSP * scale_of(rig.bar)
+    return kept_state_costs(obstacles, rig, goal, rate=RATE, cusp=cusp, cell=cell)
 
 
 def rows_of(lots: Lots, number: int) -> list[list[int]]:
-    """Return the numbers of slots that lie side by side, of one heading and size, in a lot."""
-    first, rows = int(lots.lots[number]["slot_start"]), dict[tuple[float, ...], list[int]]()
+    """Return the numbers of slots of one heading and size, side by side or one behind another."""
+    first, rows = int(lots.lots[number]["slot_start"]), list[list[int]]()
     for slot in range(int(lots.lots[number]["slot_count"])):
         one = lots.slots[first + slot]
-        depth = one["x"] * math.cos(one["heading"]) + one["y"] * math.sin(one["heading"])
-        alike = (one["heading"], one["length"], one["width"], depth)
-        rows.setdefault(tuple(round(float(it), 3) for it in alike), []).append(slot)
-    return list(rows.values())
+        for row in rows:
+            if _are_neighbours(lots.slots[first + row[-1]], one):
+                row.append(slot)
+                break
+        else:
+            rows.append([slot])
+    return rows
+
+
+def _are_neighbours(one: Record, other: Record) -> bool:
+    """Return whether slots of one heading and size lie side by side, or one behind another."""
+    if any(abs(one[name] - other[name]) > ALIKE for name in ("heading", "length", "width")):
+        return False
+    seen = seen_from(Pose(one["x"], one["y"], one["heading"]), Pose(other["x"], other["y"], 0.0))
+    is_behind = abs(seen.y) < ALIKE and abs(seen.x) < NEXT * one["length"]
+    return bool(abs(seen.x) < ALIKE or is_behind)
 
 
 class GreedyTeacher(LotTeacher):
     """Knows what the car of every world of a batch is to do."""
 
-    def __init__(self, batch: Batch, say: Say = lambda _: None) -> None:
+    def __init__(self, batch: Batch, say: Say = lambda _: None, *, cell: float = CELL) -> None:
         """Find the costs to go to the slots of all lots.
+
+        cell: side of a cell [m] for the usual bar.
 
         Raises:
             ScenarioError: the cars do not learn alone, have other actions than a speed and
@@ -87,7 +107,8 @@ class GreedyTeacher(LotTeacher):
                 say(f"costs to go to slots: row {len(self._costs) + 1}")
                 self._rows[int(lot["slot_start"]) + np.array(row)] = len(self._costs)
                 middle = row[len(row) // 2]
-                self._costs.append(costs_to(lots, world.walls, number, middle, self._vehicle))
+                found = costs_to(lots, world.walls, number, middle, self._vehicle, cell)
+                self._costs.append(found)
         self._controls = np.zeros((batch.worlds, 2))
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:

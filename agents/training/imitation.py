@@ -69,7 +69,7 @@ class School:
         elif self.batch.scenarios[0].vehicle_of(0).trailers:
             self.teacher = PlanningTeacher(self.batch)
         else:
-            self.teacher = GreedyTeacher(self.batch, say)
+            self.teacher = GreedyTeacher(self.batch, say, cell=wanted.cell)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 

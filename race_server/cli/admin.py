@@ -79,12 +79,18 @@ def protest(
 def uphold(
     number: Annotated[int, typer.Argument(min=1, help="Number of the protest.")],
     seconds: Annotated[float, typer.Option(help="Seconds to add to the time.")] = 5.0,
+    disqualify: Annotated[
+        bool, typer.Option("--disqualify", help="Take the result away instead.")
+    ] = False,
     keys: KeysFolder = None,
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
     """Uphold a protest with seconds on the time of the team that it is against."""
-    _decide("uphold", keys, connect, session, protest=number, value=seconds)
+    if disqualify:
+        _decide("disqualify", keys, connect, session, protest=number)
+    else:
+        _decide("uphold", keys, connect, session, protest=number, value=seconds)
 
 
 @app.command()
@@ -96,6 +102,39 @@ def dismiss(
 ) -> None:
     """Dismiss a protest: the result stays as it is."""
     _decide("dismiss", keys, connect, session, protest=number)
+
+
+@app.command()
+def remove(
+    seat: SeatNumber,
+    reason: Annotated[
+        str,
+        typer.Option(help="wrong-way, standing, ramming, dangerous, defect or other."),
+    ],
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Remove a kart from the race that is on, for a reason; its driver keeps the seat."""
+    from race_server.core.messages import Fault
+
+    name = reason.upper().replace("-", "_")
+    if name not in Fault.__members__:
+        known = ", ".join(fault.name.lower().replace("_", "-") for fault in Fault)
+        raise SeatError(f"--reason {reason!r} is unknown; choose one of {known}")
+    _decide("remove", keys, connect, session, seat=seat, value=float(Fault[name]))
+
+
+@app.command()
+def disqualify(
+    seat: SeatNumber,
+    why: Annotated[str, typer.Option(help="The reason, at most 120 characters.")],
+    keys: KeysFolder = None,
+    connect: Connect = "",
+    session: SessionName = "",
+) -> None:
+    """Take the last result of a team in an event away, until its stage is over."""
+    _decide("disqualify", keys, connect, session, seat=seat, note=why)
 
 
 @app.command()

@@ -8,7 +8,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import Results, VehicleName, known_drivers
+from race_server.cli.options import Language, Results, VehicleName, known_drivers
 from race_server.cli.serve_event import TRACKS, tracks_for
 from race_server.terminal import Console, TextColumn
 
@@ -53,11 +53,13 @@ def day(
         Path | None,
         typer.Option(help="Draw the tables of the day into this .png, .svg or .pdf file."),
     ] = None,
+    language: Language = "en",
     results: Results = "",
     as_json: AsJson = False,
 ) -> None:
     """Run a whole race day: qualification, races, and the final classification."""
     from race_server.competition.race_day.formats import format_named
+    from race_server.competition.race_day.languages import language_of
     from race_server.competition.race_day.picture import check_picture, draw_picture
     from race_server.competition.race_day.plan import DayPlan, teams_of
     from race_server.competition.race_day.report import day_document
@@ -65,6 +67,7 @@ def day(
     from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.track.load import load_course
 
+    language_of(language)
     chosen = format_named(format_name)
     names = known_drivers(drivers or ",".join(TEAMS))
     car = vehicle_named(vehicle)
@@ -79,9 +82,9 @@ def day(
     if as_json:
         print_document(day_document(plan, ledger))
     else:
-        print_tables(plan, ledger, Console())
+        print_tables(plan, ledger, Console(), language)
     if sheet is not None:
-        draw_picture(plan, ledger, sheet)
+        draw_picture(plan, ledger, sheet, language)
         console.print(f"sheet: {sheet}", style="dim")
 
 

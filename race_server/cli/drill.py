@@ -231,8 +231,9 @@ def load(
 @app.command()
 def page(
     clients: Annotated[
-        int, typer.Option(min=1, max=250, help="Number of browsers that watch.")
+        int, typer.Option(min=1, max=1000, help="Number of browsers that watch at each gateway.")
     ] = 100,
+    gateways: Annotated[int, typer.Option(min=1, max=8, help="Number of gateways.")] = 1,
     minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="Minutes of racing.")] = 5.0,
     as_json: AsJson = False,
 ) -> None:
@@ -240,7 +241,7 @@ def page(
     from race_server.tools.drills.page import drill_page
 
     with progress("racing", round(60 * minutes)) as tell:
-        document = drill_page(clients, minutes, tell=tell)
+        document = drill_page(clients, minutes, gateways=gateways, tell=tell)
     finish(document, as_json=as_json, columns=("without", "with"))
 
 

@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import Language
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 
@@ -37,6 +38,7 @@ def show(
         Path | None,
         typer.Option(help="Draw the tables into this .png, .svg or .pdf file."),
     ] = None,
+    language: Language = "en",
     record: Record = "",
     as_json: AsJson = False,
 ) -> None:
@@ -50,9 +52,9 @@ def show(
     if as_json:
         print_document(event_document(day, state))
     else:
-        _print_event(day, state, Console())
+        _print_event(day, state, Console(), language)
     if sheet is not None:
-        draw_picture(day.plan, day.ledger, sheet)
+        draw_picture(day.plan, day.ledger, sheet, language)
 
 
 def show_event(path: Path, console: Console) -> None:
@@ -61,7 +63,7 @@ def show_event(path: Path, console: Console) -> None:
     Raises:
         ScenarioError: it cannot be read.
     """
-    _print_event(*_event_in(path), console)
+    _print_event(*_event_in(path), console, "en")
 
 
 def _event_in(path: Path) -> "tuple[Day, EventState]":
@@ -71,13 +73,15 @@ def _event_in(path: Path) -> "tuple[Day, EventState]":
     return state.day(), state
 
 
-def _print_event(day: "Day", state: "EventState", console: Console) -> None:
+def _print_event(day: "Day", state: "EventState", console: Console, language: str) -> None:
+    from race_server.competition.race_day.languages import language_of, title_in
     from race_server.competition.race_day.table import print_tables
 
-    print_tables(day.plan, day.ledger, console)
+    print_tables(day.plan, day.ledger, console, language)
     if not state.is_final:
-        following = f", next: {day.next.title}" if day.next else ""
-        console.print(f"provisional{following}", style="dim", soft_wrap=True)
+        say = language_of(language)
+        coming = f", {say('next')}: {title_in(day.next.title, say)}" if day.next else ""
+        console.print(f"{say('provisional')}{coming}", style="dim", soft_wrap=True)
 
 
 @app.command("list")

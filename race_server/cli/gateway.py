@@ -49,6 +49,12 @@ class GatewayOptions:
             "Default: open, with --open token."
         ),
     ] = ""
+    browsers: Annotated[
+        int,
+        typer.Option(
+            min=1, max=2048, help="Number of browsers at a time; more are told that it is full."
+        ),
+    ] = 512
     drivers: Annotated[
         int,
         typer.Option(min=0, max=64, help="Number of seats that browsers may drive."),
@@ -125,6 +131,7 @@ def _settings(options: GatewayOptions) -> "Settings":
     """
     from race_server.cli.access import SESSION
     from race_server.live.gateway.key_ring import KeyRing
+    from race_server.live.gateway.limits import GatewayLimits
     from race_server.live.gateway.settings import (
         DEFAULT_PLACE,
         Settings,
@@ -160,6 +167,7 @@ def _settings(options: GatewayOptions) -> "Settings":
         certificate=options.certificate,
         private_key=options.private_key,
         once=options.once,
+        limits=GatewayLimits(browsers=options.browsers),
     )
     check_settings(settings, is_open=options.is_open)
     if options.steward:

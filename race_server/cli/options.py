@@ -29,6 +29,7 @@ Unfit = Annotated[
 Picture = Annotated[
     Path | None, typer.Option("--to", help="File to write: .png or .svg. Default: NAME.png.")
 ]
+Language = Annotated[str, typer.Option(help="Language of tables and sheet: en or fr.")]
 Results = Annotated[
     str,
     typer.Option(

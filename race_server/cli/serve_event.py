@@ -53,6 +53,7 @@ def event_of(options: ServeOptions, *, needs_line: bool) -> "tuple[EventSpec, Sc
         seed=options.seed,
         folder=folder,
         call_s=options.call_limit,
+        cool_down_s=options.cool_down,
         review_s=options.review,
         needs_line=needs_line,
         numbers=known_entrants(default_path()),

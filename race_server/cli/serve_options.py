@@ -73,6 +73,13 @@ class RaceOptions:
         float,
         typer.Option(min=0.0, help="With --format time-trial: seconds for an attempt."),
     ] = 0.0
+    cool_down: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="With --format: seconds after an attempt or race before the next one begins.",
+        ),
+    ] = 0.0
     call_limit: Annotated[
         float,
         typer.Option(

@@ -9,6 +9,7 @@ from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.formats import LAP, TimeTrial
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.ledger import FinalRow, TrialResult
+from race_server.competition.race_day.protest import OPEN
 from race_server.competition.race_day.record import RaceRecord, Team
 from race_server.core.clock import MICROSECONDS
 from race_server.core.messages import EventPhase, Phase
@@ -18,6 +19,7 @@ from race_server.net.wire.programme import (
     Call,
     DeletedLap,
     ProgrammeFrame,
+    ProtestRow,
     TeamRow,
     encode_programme,
 )
@@ -131,6 +133,7 @@ def programme_of(
     if trial is None and not attempts and ledger.trials():
         trial = ledger.trials()[-1]
     is_ahead = phase in {EventPhase.CALLED, EventPhase.ON_TRACK}
+    block = drive.block if drive and phase is not EventPhase.OVER else ""
     return ProgrammeFrame(
         event=day.event,
         title=plan.format.title,
@@ -144,9 +147,20 @@ def programme_of(
         attempts=attempts,
         coming=tuple(Call(title, _names(teams)) for title, teams in drive.coming) if drive else (),
         teams=tuple(
-            _row_of(row, day, trial, attempts, seats[row.team]) for row in ledger.classification()
+            replace(
+                _row_of(row, day, trial, attempts, seats[row.team]),
+                can_change=day.last_of(row.team, block) is not None,
+            )
+            for row in ledger.classification()
         ),
         stage=stage.name if stage else "",
+        protests=tuple(
+            ProtestRow(
+                *(one.number, one.title, one.by, one.against, one.why),
+                outcome="" if one.verdict == OPEN else one.outcome,
+            )
+            for one in day.protests
+        ),
     )
 
 

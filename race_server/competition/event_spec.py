@@ -27,6 +27,7 @@ class EventSpec:
     folder: Path  # of its file, and of the recordings
     call_s: float  # a driver that is not ready by then, after its call, does not start
     review_s: float  # after each stage, and each round, stewards may still decide
+    cool_down_s: float = 0.0  # after an attempt or race, before the next one begins
     needs_line: bool = False
     numbers: Mapping[str, int] = field(default_factory=dict)  # of drivers, by their names
 

@@ -102,12 +102,15 @@ class LiveEvent:
         self._desk.block = drive.block
         seats = [session.seats[self._seats[team.name]] for team in drive.grid]
         names = ", ".join(team.name for team in drive.grid)
-        self._board.show(self.day, EventPhase.CALLED, waits_s=self._spec.call_s)
+        # Karts that have just driven leave the track, while the next drivers get ready.
+        cool_down_s = self._spec.cool_down_s if self._raced >= 0 else 0.0
+        self._board.show(self.day, EventPhase.CALLED, waits_s=cool_down_s + self._spec.call_s)
         self._log.say("called", drive=drive.title, drivers=names)
         if server.pace == REAL:
             # A person may have been ready long ago; drivers' programs say it again, karts' once.
             for seat in seats:
                 seat.is_ready = seat.is_ready and seat.is_tracked
+        server.lobby.wait_until(lambda: False, cool_down_s)
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
         if server.is_stopped:
             return None

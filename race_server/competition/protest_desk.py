@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from race_server.competition.event_state import EventState
 from race_server.competition.race_day.day import Day
-from race_server.competition.race_day.protest import DISMISSED, OPEN, UPHELD, Protest
+from race_server.competition.race_day.protest import DISQUALIFIED, OPEN, Protest
 from race_server.errors import Reason, SeatError
 from race_server.storage.results.keeper import Keeper, utc_now
 from race_server.storage.results.store import Correction
@@ -40,21 +40,47 @@ class ProtestDesk:
                 raise SeatError(f"no team of the event has seat {seat}", Reason.DECISION)
         if by == against:
             raise SeatError(f"a team does not protest against itself: seat {by}", Reason.DECISION)
-        drive = self._last_of(known[against])
+        protest = self._about(known[against], known[by], why)
+        same = (one for one in day.protests if one.verdict == OPEN and one.drive == protest.drive)
+        if any((one.by, one.against) == (protest.by, protest.against) for one in same):
+            raise SeatError(
+                f"{protest.by} has protested against {protest.against} already: the stewards have "
+                "not decided yet",
+                Reason.DECISION,
+            )
+        day.rule((*day.protests, protest))
+        self._changed()
+        return f"protest {protest.number}: {protest.by} against {protest.against}, {protest.title}"
+
+    def disqualify(self, seat: int, why: str, who: str) -> str:
+        """Take the last result of a seat from its team, and return a sentence on it.
+
+        Raises:
+            SeatError: it is no team of the event, or has no result that may still change.
+        """
+        if seat not in self._teams:
+            raise SeatError(f"no team of the event has seat {seat}", Reason.DECISION)
+        opened = self._about(self._teams[seat], "", why)
+        self._rule(opened, DISQUALIFIED, 0.0, who)
+        return f"{opened.against} disqualified, {opened.title}"
+
+    def _about(self, against: str, by: str, why: str) -> Protest:
+        """Return a protest about the newest result of a team that may still change."""
+        day = self._day
+        drive = day.last_of(against, self.block)
         if drive is None:
             raise SeatError(
-                f"{known[against]} has no result that may still change: its stage is over, or it "
-                "has not driven in it",
+                f"{against} has no result that may still change: its stage is over, or it has not "
+                "driven in it",
                 Reason.DECISION,
             )
         number, title = len(day.protests) + 1, day.driven[drive].title
-        protest = Protest(number, drive, title, known[by], known[against], why.strip(), utc_now())
-        day.rule((*day.protests, protest))
-        self._changed()
-        return f"protest {number}: {known[by]} against {known[against]}, {title}"
+        return Protest(number, drive, title, by, against, why.strip(), utc_now())
 
-    def decide(self, number: int, seconds: float, who: str) -> str:
-        """Uphold a protest with seconds on the time, or dismiss it with 0; return a sentence.
+    def decide(self, number: int, verdict: str, seconds: float, who: str) -> str:
+        """Decide a protest, and return a sentence on it. seconds: on the time, where upheld.
+
+        verdict: UPHELD, DISQUALIFIED or DISMISSED.
 
         Raises:
             SeatError: there is no such protest, or it is decided.
@@ -64,15 +90,18 @@ class ProtestDesk:
         if found is None or found.verdict != OPEN:
             decided = f"protest {number} is decided: {found.outcome}" if found else ""
             raise SeatError(decided or f"there is no protest {number}", Reason.DECISION)
-        verdict = UPHELD if seconds else DISMISSED
+        return f"protest {number} {self._rule(found, verdict, seconds, who).outcome}"
+
+    def _rule(self, protest: Protest, verdict: str, seconds: float, who: str) -> Protest:
+        """Put a protest with its decision in the place of the one without."""
         ruled = replace(
-            found, verdict=verdict, seconds=seconds, decided_at=utc_now(), decided_by=who
+            protest, verdict=verdict, seconds=seconds, decided_at=utc_now(), decided_by=who
         )
-        day.rule(tuple(ruled if one is found else one for one in day.protests))
-        if seconds:
-            self.correct(found.drive)
+        others = (one for one in self._day.protests if one.number != protest.number)
+        self._day.rule(tuple(sorted((*others, ruled), key=lambda one: one.number)))
+        self.correct(protest.drive)
         self._changed()
-        return f"protest {number} {ruled.outcome}"
+        return ruled
 
     def correct(self, drive: int) -> None:
         """Change a result in the results file, where protests about it were upheld."""
@@ -80,18 +109,8 @@ class ProtestDesk:
         if self._keeper is None or result is self._day.records[drive]:
             return
         rows = tuple(
-            (one.place, one.time_us, one.penalty_us, self._seats[one.team])
-            for one in result.drives
-            if one.place
+            (place, one.time_us, one.penalty_us, self._seats[one.team])
+            for place, one in enumerate(result.drives, start=1)
         )
         title = self._day.driven[drive].title
         self._keeper.correct(Correction(self._day.event, title, rows))
-
-    def _last_of(self, team: str) -> int | None:
-        """Return the newest record with a team whose result may still change."""
-        for number in reversed(range(len(self._day.driven))):
-            if self._day.driven[number].block != self.block:
-                return None
-            if any(drive.team == team for drive in self._day.records[number].drives):
-                return number
-        return None

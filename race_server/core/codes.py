@@ -53,6 +53,7 @@ LEFT_LOT = int(Retirement.LEFT_LOT)
 HIT_PERSON = int(Retirement.HIT_PERSON)
 JACK_KNIFE = int(Retirement.JACK_KNIFE)
 OWN_BODY = int(Retirement.OWN_BODY)
+REMOVED = int(Retirement.REMOVED)
 
 _ENDINGS = tuple(int(ending) for ending in Ending)
 OPEN, IS_PARKED, IS_LATE, HAS_LEFT, MET_WALL, MET_BLOCK, MET_VEHICLE, MET_PERSON = _ENDINGS[:8]

@@ -137,6 +137,18 @@ class Retirement(IntEnum):
     HIT_PERSON = 9
     JACK_KNIFE = 10  # the angle at a hitch was too large
     OWN_BODY = 11  # a trailer touched what draws it
+    REMOVED = 12  # by the stewards; value of the event: Fault
+
+
+class Fault(IntEnum):
+    """Why stewards remove a kart from its race."""
+
+    OTHER = 0
+    WRONG_WAY = 1
+    STANDING = 2
+    RAMMING = 3
+    DANGEROUS = 4
+    DEFECT = 5
 
 
 class Ending(IntEnum):

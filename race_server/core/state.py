@@ -209,6 +209,7 @@ class World(NamedTuple):
     bodies: Records  # (W, K) BODY
     racers: Records  # (W, K) RACER
     players: Records  # (W, K) PLAYER
+    turns: Ints  # (W, K) karts in the order of their places on the grid, see `stages/grid.py`
     vehicles: Records  # (W, K) VEHICLE
     boxes: Records  # (W, I) BOX
     hazards: Records  # (W, H) HAZARD
@@ -240,6 +241,7 @@ def empty_world(
         bodies=np.zeros((worlds, karts), BODY),
         racers=np.zeros((worlds, karts), RACER),
         players=np.zeros((worlds, karts), PLAYER),
+        turns=np.tile(np.arange(karts), (worlds, 1)),
         vehicles=np.zeros((worlds, karts), VEHICLE),
         boxes=np.zeros((worlds, boxes), BOX),
         hazards=np.zeros((worlds, HAZARDS), HAZARD),
@@ -277,6 +279,7 @@ def part_of(world: World, first: int, last: int) -> World:
         bodies=world.bodies[cut],
         racers=world.racers[cut],
         players=world.players[cut],
+        turns=world.turns[cut],
         vehicles=world.vehicles[cut],
         boxes=world.boxes[cut],
         hazards=world.hazards[cut],

@@ -62,7 +62,7 @@ def step(world: World, w: int) -> None:
     end_effects(world, w)
     set_allowances(world, w)
     use_items(world, w)
-    find_contact_pairs(bodies, vehicles)
+    find_contact_pairs(bodies, vehicles, world.turns[w])
     walk(world, w)
     for _ in range(SUBSTEPS):
         move_bodies(bodies, vehicles)
@@ -96,6 +96,15 @@ def show_flag(world: World, w: int, flag: int) -> None:
 def withdraw(world: World, w: int, kart: int) -> None:
     """Take a kart out of its race because it lost its driver."""
     retire(world, w, kart, codes.WITHDREW)
+
+
+@kernel
+def remove(world: World, w: int, kart: int, fault: int) -> None:
+    """Take a kart out of its race because the stewards decided so. fault: Fault."""
+    event = world.event_counts[w]
+    retire(world, w, kart, codes.REMOVED)
+    if event < world.event_counts[w]:
+        world.events[w, event].value = fault
 
 
 @kernel

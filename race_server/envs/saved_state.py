@@ -28,7 +28,17 @@ HEADER = struct.Struct("<4sHHI16s")
 ALIGNED = 16  # bytes
 
 # Events are what the last decision reported, not what the next one depends on.
-WORLD_ARRAYS = ("races", "rules", "bodies", "racers", "players", "vehicles", "boxes", "hazards")
+WORLD_ARRAYS = (
+    "races",
+    "rules",
+    "bodies",
+    "racers",
+    "players",
+    "turns",
+    "vehicles",
+    "boxes",
+    "hazards",
+)
 SIGHT_ARRAYS = ("lidar", "radar", "radar_before", "radar_kinds", "sightings")
 LOT_ARRAYS = ("parkers", "blocks", "walkers", "rooms")
 

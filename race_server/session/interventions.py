@@ -11,7 +11,7 @@ from enum import IntEnum
 from race_server.core import codes
 from race_server.core.stages.events import penalise
 from race_server.core.state import World
-from race_server.core.step import show_flag, withdraw
+from race_server.core.step import remove, show_flag, withdraw
 from race_server.session.parking import send_to
 
 
@@ -26,6 +26,7 @@ class InterventionKind(IntEnum):
     CLOCK = 6  # value: 1 the clock stands, 0 it goes on
     PARK = 7  # a vehicle is told to park; value: number of the slot, -1 for the one that it has
     WHEEL = 8  # value: 1 the server's parking driver takes the wheel, 0 gives it back
+    REMOVE = 9  # stewards take a kart out of the race; value: Fault
 
 
 # Those that concern one kart.
@@ -36,6 +37,7 @@ ON_KARTS = (
     InterventionKind.OPEN,
     InterventionKind.PARK,
     InterventionKind.WHEEL,
+    InterventionKind.REMOVE,
 )
 
 
@@ -56,6 +58,10 @@ def carry_out(world: World, act: Intervention) -> None:
 
 def _withdraw(world: World, kart: int, _: float) -> None:
     withdraw(world, 0, kart)
+
+
+def _remove(world: World, kart: int, fault: float) -> None:
+    remove(world, 0, kart, int(fault))
 
 
 def _show_flag(world: World, _: int, flag: float) -> None:
@@ -83,4 +89,5 @@ _ACTS: dict[InterventionKind, Callable[[World, int, float], None]] = {
     InterventionKind.CLOCK: _leave,
     InterventionKind.PARK: _park,
     InterventionKind.WHEEL: _leave,
+    InterventionKind.REMOVE: _remove,
 }

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from race_server.core.messages import Event, Flag
+from race_server.core import codes
+from race_server.core.messages import Event, Fault, Flag
 from race_server.core.stages.standings import rank
 from race_server.core.state import World
 from race_server.errors import Reason, SeatError
@@ -68,6 +69,17 @@ class RaceControl:
         """Take a seat from its driver, which may not come back."""
         self.intervene(InterventionKind.CLOSE, self._seats.taken_one(number).number, 1.0)
         self._leave(number)
+
+    def remove(self, number: int, fault: Fault) -> None:
+        """Take a kart out of the race; its driver keeps the seat.
+
+        Raises:
+            SeatError: the seat is not taken, or its kart does not race.
+        """
+        seat = self._seats.taken_one(number)
+        if self._world.bodies["status"][0, number] != codes.RACING:
+            raise SeatError(f"the kart of seat {number} is in no race", Reason.DECISION)
+        self.intervene(InterventionKind.REMOVE, seat.number, float(fault))
 
     def pause(self, *, is_paused: bool = True) -> None:
         """Stop the clock of the race, or restart it; the server's loop applies this."""

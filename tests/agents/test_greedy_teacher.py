@@ -80,6 +80,18 @@ def test_where_there_is_a_wall_nothing_is_known() -> None:
     assert cost(1.0, 1.4) >= UNKNOWN
 
 
+def test_finer_cells_cost_the_same_way_as_much() -> None:
+    rig = rig_of_car(CAR, 0.08, 0.98)
+    walls = np.array([[-1.5, -1.5, 4.5, -1.5], [-1.5, 1.5, 4.5, 1.5]])
+    corner, other = Pose(-1.5, -1.5, 0.0), Pose(4.5, 1.5, 0.0)
+    obstacles = Ground().obstacles(corner, other, walls, NO_BOXES, reach=0.5, near=2.0)
+    found = find_state_costs(obstacles, rig, GOAL, rate=1.0, cusp=2.0, cell=0.25)
+    # 0.25 of 7.7 are 0.09 of 2.8 m.
+    assert found.grid.cell == pytest.approx(0.0909, abs=1e-4)
+    ahead = Towed(2.0, 0.0, 0.0, 0.0, 0.0)
+    assert cost_to_go(found, GOAL, ahead, BACK) == pytest.approx(2.0, abs=0.5)
+
+
 # The same bay in a lot: its slot is reversed into from an aisle.
 LOT = """
 area = [0, 15, 0, 11]
@@ -119,9 +131,12 @@ def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path)
     assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
 
 
-def test_slots_side_by_side_have_costs_together() -> None:
+def test_slots_side_by_side_and_one_behind_another_have_costs_together() -> None:
     lots = make_world(parking_scenario("aisle-90"), [1]).parking.lots
     assert rows_of(lots, 0) == [list(range(16)), list(range(16, 32))]
+    # Along a kerb four slots of 5.5 m, four of 5.9, four of 6.4 and three of 7.0.
+    street = make_world(parking_scenario("kerb-street"), [1]).parking.lots
+    assert [len(row) for row in rows_of(street, 0)] == [4, 4, 4, 3]
 
 
 def test_it_refuses_what_it_cannot_answer_with(tmp_path: Path) -> None:

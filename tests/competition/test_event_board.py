@@ -5,15 +5,23 @@ from pathlib import Path
 from race_server.competition.event_board import programme_of
 from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.plan import DayPlan, teams_of
+from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import DeletedLap, RaceRecord, TeamResult
-from race_server.core.messages import EventPhase
+from race_server.core.messages import EventKind, EventPhase, Fault, Retirement
 from race_server.core.vehicle_presets import TT02
+from race_server.live.server.resume import restore_session
 from race_server.net.wire.ghosts import GhostFrame, decode_ghosts
-from race_server.net.wire.programme import Call, ProgrammeFrame, decode_programme
+from race_server.net.wire.programme import (
+    Call,
+    ProgrammeFrame,
+    ProtestRow,
+    decode_programme,
+    encode_programme,
+)
 from race_server.net.wire.programme import DeletedLap as DeletedLapRow
 from race_server.scenario.track.load import load_course
 from race_server.storage.recording.channels import GHOSTS, PROGRAMMES
-from race_server.storage.recording.reader import read_lines
+from race_server.storage.recording.reader import read_lines, read_recording
 from support.served_event import EVENING, TRIAL, Served, spec_of
 
 
@@ -91,3 +99,36 @@ def test_an_event_with_one_more_record_leaves_the_event_itself_as_it_was() -> No
     assert (day.records, len(later.records)) == ([], 1)
     assert day.next is not None
     assert day.next.title == "Qualification: Anna, attempt 1"
+
+
+def test_protests_and_what_may_still_change_survive_the_wire() -> None:
+    plan = DayPlan(TRIAL, teams_of(["Anna", "Bert"]), {"A": load_course("oval")}, TT02, 1)
+    day = Day(plan, "cup", [RaceRecord("0a", (result_of("Anna", 1, 7_000_000, ()),))])
+    title = day.driven[0].title
+    day.rule((Protest(1, 0, title, "Bert", "Anna", "cut", "now"),))
+    seats = {"Anna": 0, "Bert": 1}
+    frame = programme_of(day, day.next, EventPhase.CALLED, seats)
+    assert decode_programme(encode_programme(frame)) == frame
+    assert frame.protests == (ProtestRow(1, title, "Bert", "Anna", "cut", ""),)
+    assert {row.name: row.can_change for row in frame.teams} == {"Anna": True, "Bert": False}
+    over = programme_of(day, day.next, EventPhase.OVER, seats)
+    assert not any(row.can_change for row in over.teams)
+
+
+def test_why_stewards_removed_a_kart_stands_in_results_and_in_the_recording(
+    tmp_path: Path,
+) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    day = served.run(race=2, remove_at_tick=300, penalised=0)
+    why = "removed by the stewards: rammed others, lap 1"
+    assert {one.team: (one.place, one.remark) for one in day.results[2].drives} == {
+        "follow_gap": (1, ""),
+        "raceline": (0, why),
+    }
+    heat = sorted(tmp_path.glob("cup-????????-??????-???.mcap"))[-1]
+    assert {row.name: row.remark for row in programmes(heat)[-1].teams}["raceline"] == why
+    session, events = restore_session(read_recording(heat), None)
+    assert session.digest() == day.records[2].digest
+    assert (EventKind.RETIRED, 0, Retirement.REMOVED, Fault.RAMMING) in [
+        (event.kind, event.kart, event.other, event.value) for event in events
+    ]

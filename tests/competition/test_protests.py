@@ -6,7 +6,14 @@ import pytest
 
 from race_server.competition.event_state import Entrant, EventState, read_event
 from race_server.competition.protest_desk import ProtestDesk
-from race_server.competition.race_day.protest import DISMISSED, UPHELD, Protest, result_of
+from race_server.competition.race_day.points import place_points
+from race_server.competition.race_day.protest import (
+    DISMISSED,
+    DISQUALIFIED,
+    UPHELD,
+    Protest,
+    result_of,
+)
 from race_server.competition.race_day.record import RaceRecord, TeamResult
 from race_server.competition.race_day.tables import tables_of
 from race_server.errors import SeatError
@@ -55,15 +62,37 @@ def test_a_protest_is_decided_once_and_dismissed_it_changes_nothing() -> None:
     desk = desk_after(*attempts(), RACE)
     assert desk.lodge(1, 0, " cut the chicane ") == "protest 1: Bert against Anna, Heat, track B"
     assert desk.is_busy
-    assert desk.decide(1, 0.0, "marshal") == "protest 1 dismissed"
+    with pytest.raises(SeatError, match="Bert has protested against Anna already"):
+        desk.lodge(1, 0, "cut it again")
+    assert desk.decide(1, DISMISSED, 0.0, "marshal") == "protest 1 dismissed"
     assert not desk.is_busy
     with pytest.raises(SeatError, match="protest 1 is decided: dismissed"):
-        desk.decide(1, 5.0, "marshal")
+        desk.decide(1, UPHELD, 5.0, "marshal")
     (protest,) = desk._day.protests
     assert (protest.why, protest.verdict, protest.decided_by) == (
         *("cut the chicane", DISMISSED, "marshal"),
     )
     assert desk._day.results == desk._day.records
+
+
+def test_a_team_that_is_disqualified_comes_last_and_no_lap_of_it_counts() -> None:
+    desk = desk_after(*attempts(), RACE)
+    assert desk.disqualify(0, "too light", "marshal") == "Anna disqualified, Heat, track B"
+    first, second = desk._day.results[2].drives
+    assert (first.team, first.place, second.team, second.place) == ("Bert", 1, "Anna", 0)
+    assert (second.time_us, second.remark) == (0, "disqualified: too light")
+    assert second.clean_laps_us() == []
+    points = desk._day.ledger.heats()[0].points
+    assert points == {"Bert": place_points(1, (), 0), "Anna": 0}
+    assert desk._day.records[2] is RACE
+    assert not desk.is_busy
+
+
+def test_a_protest_may_end_in_disqualification() -> None:
+    desk = desk_after(*attempts(), RACE)
+    desk.lodge(1, 0, "cut")
+    assert desk.decide(1, DISQUALIFIED, 0.0, "marshal") == "protest 1 disqualified"
+    assert [one.place for one in desk._day.results[2].drives] == [1, 0]
 
 
 def test_a_result_is_not_protested_against_once_its_stage_is_closed() -> None:

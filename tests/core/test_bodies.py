@@ -46,12 +46,14 @@ def drive(bodies: Records, vehicles: Records, controls: np.ndarray, seconds: flo
     take_controls(bodies, controls)
     blows = []
     for tick in range(round(seconds * TICKS_PER_SECOND)):
-        find_contact_pairs(bodies, vehicles)
+        find_contact_pairs(bodies, vehicles, np.arange(len(bodies)))
         for _ in range(SUBSTEPS):
             move_bodies(bodies, vehicles)
             cursor = 0
             while cursor >= 0:
-                blow = next_body_blow(bodies, vehicles, tick, MATERIAL, cursor)
+                blow = next_body_blow(
+                    bodies, vehicles, np.arange(len(bodies)), tick, MATERIAL, cursor
+                )
                 cursor = blow.cursor
                 blows += [blow] if is_blow(blow) else []
             cursor = 0
@@ -76,9 +78,9 @@ def test_a_body_that_drives_at_a_wall_tells_of_the_blow_and_stays_inside() -> No
 def test_a_blow_between_two_bodies_keeps_their_momentum() -> None:
     bodies, vehicles = parked((-0.5, 0.0, 0.0), (0.0, 0.0, 0.0))
     bodies["speed"][0] = 2.0
-    find_contact_pairs(bodies, vehicles)
+    find_contact_pairs(bodies, vehicles, np.arange(len(bodies)))
     bodies["x"][0] = -0.95 * TT02.length
-    blow = next_body_blow(bodies, vehicles, 0, MATERIAL, 0)
+    blow = next_body_blow(bodies, vehicles, np.arange(len(bodies)), 0, MATERIAL, 0)
     assert (blow.first, blow.second, blow.closing) == (0, 1, pytest.approx(2.0))
     assert blow.impulse == pytest.approx(1.3 * 2.0 * 0.5 * TT02.mass)
     assert bodies["speed"].sum() == pytest.approx(2.0)
@@ -90,10 +92,10 @@ def test_a_blow_between_two_bodies_keeps_their_momentum() -> None:
 def test_every_pair_of_a_heap_is_told_once_and_in_order() -> None:
     bodies, vehicles = parked(*((0.9 * TT02.length * n, 0.0, 0.0) for n in range(4)))
     bodies["speed"] = (3.0, 2.0, 1.0, 0.0)
-    find_contact_pairs(bodies, vehicles)
+    find_contact_pairs(bodies, vehicles, np.arange(len(bodies)))
     pairs, cursor = [], 0
     while cursor >= 0:
-        blow = next_body_blow(bodies, vehicles, 0, MATERIAL, cursor)
+        blow = next_body_blow(bodies, vehicles, np.arange(len(bodies)), 0, MATERIAL, cursor)
         cursor = blow.cursor
         pairs += [(blow.first, blow.second)] if is_blow(blow) else []
     assert pairs == [(0, 1), (1, 2), (2, 3)]
@@ -102,9 +104,9 @@ def test_every_pair_of_a_heap_is_told_once_and_in_order() -> None:
 def test_a_body_that_others_drive_through_meets_no_other() -> None:
     bodies, vehicles = parked((0.0, 0.0, 0.0), (0.9 * TT02.length, 0.0, 0.0))
     bodies["speed"][0], bodies["ghost_until"][0] = 2.0, 10
-    find_contact_pairs(bodies, vehicles)
-    assert not is_blow(next_body_blow(bodies, vehicles, 9, MATERIAL, 0))
-    assert is_blow(next_body_blow(bodies, vehicles, 10, MATERIAL, 0))
+    find_contact_pairs(bodies, vehicles, np.arange(len(bodies)))
+    assert not is_blow(next_body_blow(bodies, vehicles, np.arange(len(bodies)), 9, MATERIAL, 0))
+    assert is_blow(next_body_blow(bodies, vehicles, np.arange(len(bodies)), 10, MATERIAL, 0))
 
 
 def test_the_box_of_a_vehicle_lies_ahead_of_its_centre_of_gravity() -> None:

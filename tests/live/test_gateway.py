@@ -18,6 +18,7 @@ from race_server.net.wire.spectate import decode_events, decode_snapshot
 from support.browsers import DRIVE, STEWARD, WATCH, Browser
 from support.rays import decode_rays
 from support.served_race import ORIGIN, TOKENS, ServedRace, ask, gated, racing, wait_for_race
+from support.servers import wait_until
 
 pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
 
@@ -46,12 +47,15 @@ def test_a_late_spectator_is_told_all_events_of_the_race(served: ServedRace) -> 
 
 
 def test_other_programs_read_the_timing_as_json(served: ServedRace) -> None:
+    wait_until(lambda: ask(served, "timing")[0] == 200)
     status, _, body = ask(served, "timing")
     table = json.loads(body)
     assert (status, table["course"], len(table["rows"])) == (200, "ring", 2)
     first = min(table["rows"], key=lambda row: row["rank"])
     assert (first["gap_us"], first["timing"]["interval_us"]) == (0, 0)
     assert len(first["timing"]["mini_merits"]) == 20
+    results = json.loads(ask(served, "results.json")[2])
+    assert (results["race"]["course"], results["event"]) == (table["course"], None)
 
 
 def test_a_spectator_gets_as_many_snapshots_as_it_wants(served: ServedRace) -> None:

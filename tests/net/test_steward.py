@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from race_server.competition.launch import free_address
-from race_server.core.messages import Event, EventKind, Phase
+from race_server.competition.race_day.incidents import Incidents
+from race_server.competition.race_day.record import record_of
+from race_server.core.messages import Event, EventKind, Fault, Phase
 from race_server.errors import SeatError, WireError
 from race_server.live.client.steward import StewardClient
 from race_server.live.server import LOCKSTEP, REAL, RaceResult, RaceServer
@@ -23,7 +25,7 @@ from race_server.net.wire.admin import (
 )
 from race_server.net.wire.spectate import decode_events
 from race_server.session import Session
-from race_server.session.interventions import Intervention
+from race_server.session.interventions import Intervention, InterventionKind
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store
@@ -67,6 +69,24 @@ def test_a_penalty_is_added_and_logged_as_an_act() -> None:
     assert session.world.racers[0, 1].penalty_us == 2_500_000
     acts = [act for act in session.journal.entries if isinstance(act, Intervention)]
     assert [(act.kart, act.value) for act in acts] == [(1, 2.5)]
+
+
+def test_a_kart_is_removed_for_a_reason_as_an_act_and_its_driver_stays() -> None:
+    session = racing()
+    session.journal.is_recorded = True
+    steward, incidents = Steward(session, "token"), Incidents()
+    told(steward, "remove", 1, float(Fault.RAMMING))
+    assert steward.lines[-1].endswith("ann: seat 1, driver 1, removed from the race: ramming")
+    acts = [act for act in session.journal.entries if isinstance(act, Intervention)]
+    assert [(act.kind, act.kart, act.value) for act in acts] == [
+        (InterventionKind.REMOVE, 1, Fault.RAMMING)
+    ]
+    incidents.record_events(session.advance(3))
+    result = record_of(session, {0: "Anna", 1: "Bert"}, incidents).drives[1]
+    assert (result.place, result.remark) == (0, "removed by the stewards: rammed others, lap 1")
+    assert session.seats[1].is_present
+    with pytest.raises(SeatError, match="the kart of seat 1 is in no race"):
+        told(steward, "remove", 1)
 
 
 def test_who_was_sent_away_comes_back_only_when_the_seat_is_opened() -> None:

@@ -53,8 +53,8 @@ def lot_of(course: Course) -> Lot:
 
 def test_the_lots_are_shipped() -> None:
     rows = "aisle-45 aisle-60 aisle-90 bays-yard dock-35 face-to-face gate grid-150 kart-park kerb"
-    yards = ["yard-70", "yard-70-busy", "yard-end"]
-    assert lot_names() == [*rows.split(), "parking-v0", *yards, "zone-30"]
+    yards = ["kerb-street", "parking-v0", "yard-70", "yard-70-busy", "yard-end"]
+    assert lot_names() == [*rows.split(), *yards, "zone-30"]
 
 
 @pytest.mark.parametrize("name", lot_names())

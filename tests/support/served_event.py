@@ -16,6 +16,7 @@ from race_server.competition.race_day.formats import Format, Races, TimeTrial, f
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.competition.race_day.record import RaceRecord
 from race_server.core.driver import driver_named
+from race_server.core.messages import Fault
 from race_server.core.vehicle_presets import TT02
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.resume import restore_session
@@ -97,6 +98,7 @@ class Served:
         race: int = 0,
         kill_at_tick: int = -1,
         stop_at_tick: int = -1,
+        remove_at_tick: int = -1,
         kill_after_race: bool = False,
         gone: int = -1,
         penalty_after: int = -1,
@@ -111,6 +113,8 @@ class Served:
             if server.session.epoch == race + 1:
                 if 0 <= kill_at_tick <= server.session.tick:
                     raise Killed
+                if server.session.tick == remove_at_tick:
+                    server.session.race_control.remove(penalised, Fault.RAMMING)
                 if 0 <= stop_at_tick <= server.session.tick:
                     server.stop()
 
@@ -122,7 +126,7 @@ class Served:
                 server._penalise_late(penalised, seconds)
             if len(event.day.records) == protest_after + 1:
                 event._desk.lodge(1 - penalised, penalised, "cut the chicane")
-                event._desk.decide(1, seconds, "marshal")
+                event._desk.decide(1, "upheld", seconds, "marshal")
 
         server.advance = watched  # type: ignore[method-assign]
         event._add = added  # type: ignore[method-assign]

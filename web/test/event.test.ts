@@ -5,7 +5,8 @@ import { fr } from '../src/i18n/fr';
 import { Course } from '../src/race/course';
 import { Ghost, chosenGhost } from '../src/race/ghost';
 import { Pace } from '../src/race/pace';
-import { nowText, podiumOf, remarksOn, secondsLeft, turnsUntil } from '../src/race/programme';
+import { nowText, podiumOf, remarksOn, saidText, secondsLeft, turnsUntil } from '../src/race/programme';
+import { outcomeText } from '../src/race/protests';
 import { EventPhase } from '../src/wire/tables';
 import type { GhostFrame, ProgrammeFrame, TeamFrame } from '../src/wire/frames';
 import { kart, roundCourse } from './frames';
@@ -13,7 +14,7 @@ import { kart, roundCourse } from './frames';
 function team(changes: Partial<TeamFrame>): TeamFrame {
   return {
     ...{ name: '7 Anna', seat: 0, place: 0, points: 0, timeUs: 0, attemptsUs: [] },
-    ...{ attemptsLeft: 2, deleted: [], remark: '' },
+    ...{ attemptsLeft: 2, deleted: [], remark: '', canChange: false },
     ...changes,
   };
 }
@@ -29,6 +30,7 @@ function programme(changes: Partial<ProgrammeFrame> = {}): ProgrammeFrame {
       { title: 'Trial: 7 Anna, attempt 2', teams: ['7 Anna'] },
     ],
     teams: [team({}), team({ name: 'Bert', seat: 1 })],
+    protests: [],
     ...changes,
   };
 }
@@ -111,4 +113,21 @@ test('the podium is shown once all is driven', () => {
   const teams = [1, 2, 3, 4, 0].map((place) => team({ name: `${place}`, place }));
   expect(podiumOf(programme({ teams }))).toEqual([]);
   expect(podiumOf(programme({ teams, driven: 4 })).map(({ place }) => place)).toEqual([1, 2, 3]);
+});
+
+test('what was decided on a protest is said in the language of the reader', () => {
+  expect(outcomeText('', fr)).toBe('en attente');
+  expect(outcomeText('upheld, +60 s', en)).toBe('upheld, +60 s');
+  expect(outcomeText('disqualified', fr)).toBe('disqualification');
+});
+
+test('titles and remarks of the server are said in French, and names stay', () => {
+  expect(saidText('Heat 2, round 1, track B', fr)).toBe('Manche 2, tour 1, piste B');
+  expect(saidText('Time trial: Race Final, attempt 2', fr)).toBe(
+    'Contre-la-montre: Race Final, essai 2',
+  );
+  expect(saidText('2 m the wrong way, lap 3; +5 s protest 1', fr)).toBe(
+    '2 m à contresens, tour 3; +5 s réclamation 1',
+  );
+  expect(saidText('Heat 2', en)).toBe('Heat 2');
 });

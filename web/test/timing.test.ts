@@ -3,6 +3,7 @@ import { expect, test } from 'vitest';
 import { lapPlaces } from '../src/race/lapchart';
 import { Response } from '../src/race/response';
 import { Sectors } from '../src/race/sectors';
+import { Stints } from '../src/race/stints';
 import { tableOf } from '../src/race/table';
 import { EventKind } from '../src/wire/tables';
 import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
@@ -121,4 +122,21 @@ test('in a lobby the table stands in the order of the seats', () => {
     ages: new Map(),
   });
   expect(rows.map((row) => row.seat)).toEqual([0, 1]);
+});
+
+test('a stint ends where a kart is rescued, and says what it used', () => {
+  const lap = (other: number, value: number) => event({ kind: EventKind.LAP, kart: 3, other, value });
+  const use = event({ kind: EventKind.USE, kart: 3 });
+  const events = [
+    ...[lap(1, 9e6), use, lap(2, 8e6), event({ kind: EventKind.USE, kart: 4 })],
+    ...[event({ kind: EventKind.STUCK, kart: 3 }), event({ kind: EventKind.RESCUED, kart: 3 })],
+    ...[lap(3, 12e6), use, use],
+  ];
+  const stints = new Stints();
+  for (const one of events) stints.note(one);
+  expect(stints.of(3)).toEqual([
+    { from: 1, laps: 2, bestUs: 8e6, items: 1 },
+    { from: 3, laps: 1, bestUs: 12e6, items: 2 },
+  ]);
+  expect(stints.of(4)).toEqual([{ from: 1, laps: 0, bestUs: 0, items: 1 }]);
 });

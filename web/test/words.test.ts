@@ -53,6 +53,11 @@ test('a person who is hit is a danger', () => {
   expect(messageOf(out, cast, en)?.text).toBe('Ada 3 is out (hit a person)');
 });
 
+test('why stewards removed a kart is told', () => {
+  const out = event({ kind: EventKind.RETIRED, kart: 3, other: 12, value: 3 });
+  expect(messageOf(out, cast, en)?.text).toBe('Ada 3 is out (removed by the stewards: ramming)');
+});
+
 test('sectors are not told one by one', () => {
   expect(messageOf(event({ kind: EventKind.SECTOR }), cast, en)).toBeNull();
 });

@@ -12,7 +12,7 @@ from race_server.competition.race_day.formats import Races, TimeTrial
 from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.points import place_points
-from race_server.competition.race_day.protest import UPHELD, Protest, result_of
+from race_server.competition.race_day.protest import Protest, result_of
 from race_server.competition.race_day.qualify import trial_result
 from race_server.competition.race_day.race import LocalRace, rehearse
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
@@ -72,10 +72,10 @@ class Day:
         """Record the drive that was next."""
         assert self.next is not None
         number = len(self.records)
-        upheld = [p for p in self.protests if p.drive == number and p.verdict == UPHELD]
+        about = [protest for protest in self.protests if protest.drive == number]
         self.driven.append(self.next)
         self.records.append(record)
-        self.results.append(result_of(record, upheld))
+        self.results.append(result_of(record, about))
         try:
             self.next = self._drives.send(self.results[-1])
         except StopIteration:
@@ -96,6 +96,15 @@ class Day:
         """Replace the protests, and all that follows from them."""
         self.protests = protests
         self._drive_again(self.records)
+
+    def last_of(self, team: str, block: str) -> int | None:
+        """Return the newest record of a block with a team, None where there is none."""
+        for number in reversed(range(len(self.driven))):
+            if self.driven[number].block != block:
+                return None
+            if any(drive.team == team for drive in self.records[number].drives):
+                return number
+        return None
 
     def _drive_again(self, records: Sequence[RaceRecord]) -> None:
         self._begin()

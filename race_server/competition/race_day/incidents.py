@@ -3,7 +3,15 @@
 from collections.abc import Sequence
 
 from race_server.core.clock import seconds_of
-from race_server.core.messages import Cleanness, Event, EventKind, Retirement, Standing, Status
+from race_server.core.messages import (
+    Cleanness,
+    Event,
+    EventKind,
+    Fault,
+    Retirement,
+    Standing,
+    Status,
+)
 from race_server.scenario.race import Rules
 
 # Characters of an error in a remark, at most.
@@ -18,6 +26,7 @@ class Incidents:
         self.absent: set[int] = set()  # seats that were not ready for the start
         self._failed: dict[int, str] = {}
         self._removed: dict[int, Retirement] = {}
+        self._seen: dict[int, Fault] = {}  # by the stewards who removed a kart
         self._punished: dict[int, list[str]] = {}
         self._stewards_us: dict[int, int] = {}
         self._faults: dict[int, list[str]] = {}  # since the last lap
@@ -34,6 +43,8 @@ class Incidents:
         for event in events:
             if event.kind is EventKind.RETIRED:
                 self._removed[event.kart] = Retirement(event.other)
+                if event.other == Retirement.REMOVED:
+                    self._seen[event.kart] = Fault(event.value)
             elif event.kind is EventKind.PENALTY:
                 cause = EventKind(event.other).name.lower().replace("_", " ")
                 words = f"+{seconds_of(event.value):g} s {cause}"
@@ -66,6 +77,8 @@ class Incidents:
         if row.status is Status.FINISHED or seat not in {*self._failed, *self._removed}:
             return []
         words = self._failed.get(seat) or _removal(self._removed[seat], rules)
+        if seat in self._seen:
+            words = f"removed by the stewards: {fault_text(self._seen[seat])}"
         return [
             f"did not start: {words}" if seat in self.absent else f"{words}, lap {row.laps + 1}"
         ]
@@ -81,6 +94,18 @@ def _fault(event: Event) -> str:
         EventKind.POSE: "was not seen for a while",
     }
     return words.get(event.kind, "")
+
+
+def fault_text(fault: Fault) -> str:
+    """Return what stewards removed a kart for."""
+    words = {
+        Fault.WRONG_WAY: "the wrong way",
+        Fault.STANDING: "stood",
+        Fault.RAMMING: "rammed others",
+        Fault.DANGEROUS: "dangerous driving",
+        Fault.DEFECT: "defect of the kart",
+    }
+    return words.get(fault, "their decision")
 
 
 def _removal(reason: Retirement, rules: Rules) -> str:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from race_server.competition.race_day.languages import language_of, translated
 from race_server.competition.race_day.ledger import FinalRow, Ledger
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.tables import (
@@ -42,8 +43,8 @@ def check_picture(path: Path) -> None:
         raise ScenarioError(f"{path}: the folder {path.parent} does not exist; make it first")
 
 
-def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
-    """Draw the tables of a day into a file.
+def draw_picture(plan: DayPlan, ledger: Ledger, path: Path, language: str = "en") -> None:
+    """Draw the tables of a day into a file, in a language.
 
     Raises:
         ScenarioError: the file cannot be written.
@@ -53,7 +54,8 @@ def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    *stages, final = tables_of(plan, ledger)
+    say = language_of(language)
+    *stages, final = (translated(table, say) for table in tables_of(plan, ledger))
     maps = courses_of(plan, ledger)
     tables = sum(_height(table) for table in stages)
     top = HEAD + GAP + max(PODIUM, _height(final)) + GAP
@@ -63,7 +65,7 @@ def draw_picture(plan: DayPlan, ledger: Ledger, path: Path) -> None:
     page.set_xlim(0.0, WIDTH)
     page.set_ylim(height, 0.0)
     page.axis("off")
-    _draw_head(page, plan)
+    _draw_head(page, say(heading(plan)), say(subtitle(plan)))
     _draw_podium(page, ledger.classification(), HEAD + GAP)
     _draw_table(page, final, 3.55, HEAD + GAP, WIDTH - MARGIN)
     _draw_maps(figure, page, maps, top, height)
@@ -96,7 +98,7 @@ def _undated(path: Path) -> dict[str, Any]:
     return dates.get(path.suffix.lower(), {})
 
 
-def _draw_head(page: Any, plan: DayPlan) -> None:
+def _draw_head(page: Any, title: str, more: str) -> None:
     page.fill([0, WIDTH, WIDTH, 0], [0, 0, HEAD, HEAD], color=_INK)
     squares = 0.09
     for column in range(round(WIDTH / squares) + 1):
@@ -106,8 +108,8 @@ def _draw_head(page: Any, plan: DayPlan) -> None:
                 page.fill(
                     [x, x + squares, x + squares, x], [y, y, y + squares, y + squares], color=_PAPER
                 )
-    _write(page, MARGIN, 0.40, heading(plan), size=20, weight="bold", color="w")
-    _write(page, MARGIN, 0.66, subtitle(plan), size=SMALL + 0.5, color="#c3c9d1")
+    _write(page, MARGIN, 0.40, title, size=20, weight="bold", color="w")
+    _write(page, MARGIN, 0.66, more, size=SMALL + 0.5, color="#c3c9d1")
 
 
 def _draw_podium(page: Any, rows: list[FinalRow], top: float) -> None:
@@ -160,7 +162,7 @@ def _draw_table(page: Any, table: DayTable, left: float, top: float, right: floa
     _write(page, left, top + 0.8 * ROW, table.title, size=TEXT + 1.5, weight="bold", color=_INK)
     widths = _column_widths(table, right - left)
     y = top + 2.1 * ROW
-    _draw_row(page, table, table.columns, left, y, widths, is_head=True)
+    _draw_row(page, table, table.heads, left, y, widths, is_head=True)
     page.plot([left, right], [y + 0.3 * ROW] * 2, color=_INK, linewidth=0.8)
     for number, row in enumerate(table.rows):
         y += ROW
@@ -178,7 +180,7 @@ def _column_widths(table: DayTable, room: float) -> list[float]:
     Without a rest, columns of text get less room, and their texts are cut.
     """
     widths = []
-    for index, column in enumerate(table.columns):
+    for index, column in enumerate(table.heads):
         cells = [column, *(row[index] for row in table.rows)]
         widths.append(max(_measure(cell, TEXT, bold=True) for cell in cells) + 0.14)
     if "remarks" in table.columns:

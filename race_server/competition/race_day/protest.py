@@ -3,27 +3,27 @@
 A record stays as it was driven. Decisions stand beside it, and each result is worked out from both.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from race_server.competition.race_day.record import RaceRecord, TeamResult
+from race_server.competition.race_day.record import DeletedLap, RaceRecord, TeamResult
 from race_server.core.clock import MICROSECONDS
 
-OPEN, UPHELD, DISMISSED = "open", "upheld", "dismissed"
+OPEN, UPHELD, DISMISSED, DISQUALIFIED = "open", "upheld", "dismissed", "disqualified"
 
 
 @dataclass(frozen=True)
 class Protest:
-    """A protest of one team against another, and what stewards decided."""
+    """A protest of one team against another, and what stewards decided, also by themselves."""
 
     number: int  # from 1
     drive: int  # that it is about: its record, from 0
     title: str  # of that attempt or race
-    by: str  # team
+    by: str  # team; empty where stewards decided by themselves
     against: str  # team
     why: str
     lodged_at: str  # UTC, ISO 8601
-    verdict: str = OPEN  # or UPHELD, DISMISSED
+    verdict: str = OPEN  # or UPHELD, DISMISSED, DISQUALIFIED
     seconds: float = 0.0  # added to the time of the team that it is against
     decided_at: str = ""
     decided_by: str = ""
@@ -35,19 +35,22 @@ class Protest:
         return self.verdict + added
 
 
-def result_of(record: RaceRecord, upheld: Iterable[Protest]) -> RaceRecord:
-    """Return a record with what upheld protests about it add, ranked again."""
-    drives = record.drives
-    for protest in upheld:
+def result_of(record: RaceRecord, protests: Iterable[Protest]) -> RaceRecord:
+    """Return a record with what the decisions on protests about it change, ranked again."""
+    drives, gone = record.drives, set[str]()
+    for protest in protests:
+        changed = _CHANGES.get(protest.verdict)
+        if changed is None:
+            continue
+        gone |= {protest.against} if protest.verdict == DISQUALIFIED else set()
         drives = tuple(
-            _penalised(drive, protest) if drive.team == protest.against else drive
-            for drive in drives
+            changed(drive, protest) if drive.team == protest.against else drive for drive in drives
         )
     if drives == record.drives:
         return record
     placed = sorted((drive for drive in drives if drive.place), key=lambda drive: drive.time_us)
     ranked = [replace(drive, place=place) for place, drive in enumerate(placed, start=1)]
-    out = (drive for drive in drives if not drive.place)
+    out = sorted((drive for drive in drives if not drive.place), key=lambda one: one.team in gone)
     return replace(record, drives=(*ranked, *out))
 
 
@@ -61,3 +64,22 @@ def _penalised(drive: TeamResult, protest: Protest) -> TeamResult:
         stewards_us=drive.stewards_us + added_us,
         remark="; ".join(filter(None, (drive.remark, remark))),
     )
+
+
+def _disqualified(drive: TeamResult, protest: Protest) -> TeamResult:
+    """Return a result without place, time and laps that count."""
+    laps = range(1, len(drive.lap_times_us) + 1)
+    remark = f"disqualified: {protest.why}"
+    return replace(
+        drive,
+        place=0,
+        time_us=0,
+        deleted=tuple(DeletedLap(lap, "disqualified") for lap in laps),
+        remark="; ".join(filter(None, (drive.remark, remark))),
+    )
+
+
+_CHANGES: dict[str, Callable[[TeamResult, Protest], TeamResult]] = {
+    UPHELD: _penalised,
+    DISQUALIFIED: _disqualified,
+}

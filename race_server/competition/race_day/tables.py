@@ -11,6 +11,7 @@ from race_server.core.clock import lap_text
 
 NONE = "–"
 NOT_CLASSIFIED = "n. c."
+STEWARDS = "stewards"  # who decided without a protest of a team
 # With more races for each team a stage is shown as one table with a column for each of them.
 MOST_APART = 2
 
@@ -23,6 +24,12 @@ class DayTable:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: frozenset[str] = frozenset({"team", "driver", "remarks"})  # columns set left
+    labels: tuple[str, ...] = ()  # of the columns, in the language of the sheet
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the columns."""
+        return self.labels or self.columns
 
 
 def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
@@ -45,7 +52,7 @@ def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
 def _protest_table(ledger: Ledger) -> DayTable:
     """Return all protests with what was decided."""
     rows = tuple(
-        (str(one.number), one.title, one.by, one.against, one.why, one.outcome)
+        (str(one.number), one.title, one.by or STEWARDS, one.against, one.why, one.outcome)
         for one in ledger.protests
     )
     columns = ("", "about", "by", "against", "why", "decision")

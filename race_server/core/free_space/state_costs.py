@@ -42,9 +42,10 @@ RATES = (0.0, 1.0, -1.0)
 KNOWN = 0.4
 # Sweeps at most, and the change of a cost [m] below which none is made again.
 SWEEPS, STILL = 400, 0.01
-# Costs, in cells, of standing askew at the goal by a cell or a heading, the most of them with which
-# it still counts as standing there, and the cost of standing before or behind it by one cell.
-ASKEW, MOST_ASKEW, SHORT = 12.0, 2, 3.0
+# Cost [m] for the usual bar of standing askew at the goal by a cell or a heading, the most of them
+# with which it still counts as standing there, and the cost, in cells, of standing before or behind
+# it by one cell.
+ASKEW, MOST_ASKEW, SHORT = 6.0, 2, 3.0
 # Cells of less weight than this do not count.
 LIGHT = 1e-6
 # Costs of what is not known, and of what is not free. Where a part of the cells between which a
@@ -61,6 +62,7 @@ class StateCosts(NamedTuple):
     sharpest: float  # [rad] the last of ANGLES, and less than none the first
     rate: float  # [rad/m] greatest change of the angle on a metre of the front wheels
     cusp: float  # [m] cost of a change of direction
+    scale: float  # of ways against those of the usual bar
 
 
 class _Work(NamedTuple):
@@ -77,17 +79,24 @@ class _Work(NamedTuple):
 
 
 def find_state_costs(
-    obstacles: Obstacles, rig: Rig, goal: Pose, *, rate: float, cusp: float
+    obstacles: Obstacles,
+    rig: Rig,
+    goal: Pose,
+    *,
+    rate: float,
+    cusp: float,
+    cell: float = CELL,
 ) -> StateCosts:
     """Return the costs to go to a pose of the rear axle.
 
     rig: a car, see `rig_of_car`; rate: greatest change of the angle [rad/m]; cusp: cost of a change
-    of direction [m].
+    of direction [m]; cell: side of a cell [m] for the usual bar.
     """
     scale = scale_of(rig.bar)
-    grid = goal_cells(obstacles.grid, goal, CELL * scale, reach=REACH * scale)
+    grid = goal_cells(obstacles.grid, goal, cell * scale, reach=REACH * scale)
     shape = (2, ANGLES, TURNS, grid.rows, grid.columns)
-    found = StateCosts(grid, np.full(shape, BLOCKED, np.float32), rig.sharpest, rate, cusp)
+    costs = np.full(shape, BLOCKED, np.float32)
+    found = StateCosts(grid, costs, rig.sharpest, rate, cusp, scale)
     _survey(obstacles, rig, goal, found)
     work = _Work(
         np.zeros((*shape[:3], len(RATES), 4)),
@@ -108,18 +117,24 @@ def find_state_costs(
 
 
 def kept_state_costs(
-    obstacles: Obstacles, rig: Rig, goal: Pose, *, rate: float, cusp: float
+    obstacles: Obstacles,
+    rig: Rig,
+    goal: Pose,
+    *,
+    rate: float,
+    cusp: float,
+    cell: float = CELL,
 ) -> StateCosts:
     """Return the same as `find_state_costs`, kept in the cache: it takes ten seconds and more."""
     known = hashlib.sha256(Path(__file__).read_bytes())
-    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp]
+    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell]
     for part in (np.array(numbers), obstacles.walls, obstacles.boxes):
         known.update(part.tobytes())
     path = cache_root() / "ways" / f"states-{known.hexdigest()[:24]}.npz"
     found = _read(path)
     if found is None:
-        made = found = find_state_costs(obstacles, rig, goal, rate=rate, cusp=cusp)
-        numbers = [*made.grid, made.sharpest, rate, cusp]
+        made = found = find_state_costs(obstacles, rig, goal, rate=rate, cusp=cusp, cell=cell)
+        numbers = [*made.grid, *made[2:]]
         keep(path, lambda file: np.savez(file, costs=made.costs, numbers=numbers))
     return found
 
@@ -266,7 +281,7 @@ def _leads_on(steps: Floats, row: int, changed: Flags) -> bool:
 def _cost_least(found: StateCosts, work: _Work, steps: Floats, gear: int, row: int) -> None:
     """Fill the least costs of a row. steps: (len(RATES), 4)."""
     price = np.float32(STEP * found.grid.cell)
-    detour = np.float32(DETOUR * found.grid.cell / CELL)
+    detour = np.float32(DETOUR * found.scale)
     work.least[:] = UNKNOWN
     for rate in range(len(RATES)):
         _look_on(work, steps[rate], gear, row)
@@ -285,7 +300,7 @@ def _end_here(found: StateCosts, least: Costs, turn: int, row: int) -> None:
     askew = min(turn, TURNS - turn) + abs(row - goal_row)
     if askew <= MOST_ASKEW:
         for column in range(max(goal_column - 1, 0), min(goal_column + 2, grid.columns)):
-            cost = (SHORT * abs(column - goal_column) + ASKEW * askew) * grid.cell
+            cost = SHORT * abs(column - goal_column) * grid.cell + ASKEW * askew * found.scale
             least[column] = min(least[column], np.float32(cost))
 
 
@@ -323,4 +338,4 @@ def cost_to_go(found: StateCosts, goal: Pose, towed: Towed, gear: int) -> float:
             total += weight * cost
     if known < LIGHT:
         return float(UNKNOWN)
-    return total / known + beyond + DETOUR * grid.cell / CELL * (1.0 - known)
+    return total / known + beyond + DETOUR * found.scale * (1.0 - known)

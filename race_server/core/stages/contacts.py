@@ -24,7 +24,7 @@ from race_server.core.kernels.contacts import (
     touching_point,
 )
 from race_server.core.kernels.jit import kernel
-from race_server.core.state import Record, Records
+from race_server.core.state import Ints, Record, Records
 
 
 class Blow(NamedTuple):
@@ -55,49 +55,56 @@ def is_blow(blow: Blow) -> bool:
 
 
 @kernel
-def find_contact_pairs(bodies: Records, vehicles: Records) -> None:
+def find_contact_pairs(bodies: Records, vehicles: Records, turns: Ints) -> None:
     """Record for every body, as bits, which of those after it may meet it within this tick.
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; turns: (K,) numbers of the bodies in
+    the order in which they meet.
     """
-    for k in range(len(bodies)):
+    for turn in range(len(turns)):
+        k = turns[turn]
         body, reach = bodies[k], reach_of(vehicles[k])
         pairs = 0
-        for other in range(k + 1, len(bodies)):
+        for later in range(turn + 1, len(turns)):
+            other = turns[later]
             dx, dy = bodies[other].x - body.x, bodies[other].y - body.y
             # Bodies further apart than the sum of their reaches cannot touch; twice that leaves
             # room for what both drive in a tick: no kart drives its own length in 1/60 s.
             near = 2.0 * (reach + reach_of(vehicles[other]))
             if dx * dx + dy * dy < near * near:
-                pairs |= 1 << (other - k - 1)
+                pairs |= 1 << (later - turn - 1)
         body.contact_pairs = pairs
 
 
 @kernel
 def next_body_blow(
-    bodies: Records, vehicles: Records, tick: int, material: Material, cursor: int
+    bodies: Records, vehicles: Records, turns: Ints, tick: int, material: Material, cursor: int
 ) -> Blow:
     """Return the next blow between two bodies, which are separated and pushed.
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; tick: of the world; cursor: 0 at the
-    start of a substep, then that of the blow before. Needs the pairs of `find_contact_pairs`.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; turns: (K,) numbers of the bodies in
+    the order in which they meet; tick: of the world; cursor: 0 at the start of a substep, then
+    that of the blow before. Needs the pairs of `find_contact_pairs`.
     """
-    count = len(bodies)
-    first, second = cursor // count, cursor % count
-    while first < count:
-        # Second 0 stands for the begin of a row: no pair has it.
-        if second == 0 and (bodies[first].contact_pairs == 0 or not is_solid(bodies[first], tick)):
-            first += 1
+    count = len(turns)
+    turn, later = cursor // count, cursor % count
+    while turn < count:
+        first = turns[turn]
+        # Turn 0 of the second body stands for the begin of a row: no pair has it.
+        if later == 0 and (bodies[first].contact_pairs == 0 or not is_solid(bodies[first], tick)):
+            turn += 1
             continue
-        second = max(second, first + 1)
-        while second < count:
-            is_pair = bodies[first].contact_pairs >> (second - first - 1) & 1
+        later = max(later, turn + 1)
+        while later < count:
+            second = turns[later]
+            is_pair = bodies[first].contact_pairs >> (later - turn - 1) & 1
+            later += 1
             if is_pair and is_solid(bodies[second], tick):
-                blow = _meet_body(bodies, vehicles, first, second, material)
+                pair = first, second, turn * count + later
+                blow = _meet_body(bodies, vehicles, pair, material)
                 if is_blow(blow):
                     return blow
-            second += 1
-        first, second = first + 1, 0
+        turn, later = turn + 1, 0
     return no_blow()
 
 
@@ -111,13 +118,14 @@ def is_solid(body: Record, tick: int) -> bool:
 
 @kernel
 def _meet_body(
-    bodies: Records, vehicles: Records, first: int, second: int, material: Material
+    bodies: Records, vehicles: Records, pair: tuple[int, int, int], material: Material
 ) -> Blow:
     """Return the hardest blow between the boxes of two bodies.
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; first, second: numbers of the bodies.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; pair: numbers of the bodies, and the
+    cursor after them.
     """
-    hardest = no_blow()
+    hardest, (first, second, _) = no_blow(), pair
     a, b, va, vb = bodies[first], bodies[second], vehicles[first], vehicles[second]
     dx, dy, near = b.x - a.x, b.y - a.y, reach_of(va) + reach_of(vb)
     if dx * dx + dy * dy >= near * near:
@@ -128,7 +136,7 @@ def _meet_body(
             depth, nx, ny = box_on_box(box_a, box_b)
             if depth > 0.0:
                 _separate(a, b, va, vb, depth, nx, ny)
-                blow = _strike(bodies, vehicles, (first, second), box_a, box_b, (nx, ny), material)
+                blow = _strike(bodies, vehicles, pair, box_a, box_b, (nx, ny), material)
                 if blow.impulse > hardest.impulse:
                     hardest = blow
     return hardest
@@ -158,7 +166,7 @@ def _separate(
 def _strike(
     bodies: Records,
     vehicles: Records,
-    pair: tuple[int, int],
+    pair: tuple[int, int, int],
     box_a: Box,
     box_b: Box,
     normal: tuple[float, float],
@@ -166,10 +174,11 @@ def _strike(
 ) -> Blow:
     """Push two bodies whose boxes touched and return the blow.
 
-    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; pair: numbers of the two; box_a, box_b:
-    the boxes that touched; normal: of length 1, towards the first body.
+    bodies: (K,) BODY of one world; vehicles: (K,) VEHICLE; pair: numbers of the two, and the
+    cursor after them; box_a, box_b: the boxes that touched; normal: of length 1, towards the first
+    body.
     """
-    (first, second), (nx, ny) = pair, normal
+    (first, second, cursor), (nx, ny) = pair, normal
     a, b, va, vb = bodies[first], bodies[second], vehicles[first], vehicles[second]
     part_a, part_b = hull_of(va, a, box_a.number), hull_of(vb, b, box_b.number)
     # The blow acts in the middle between the two points that lie deepest.
@@ -207,7 +216,6 @@ def _strike(
         push(a, va, box_a, ax, ay, jx, jy)
     if b_moves:
         push(b, vb, box_b, bx, by, -jx, -jy)
-    cursor = first * len(bodies) + second + 1
     approach_a, approach_b = -(vax * nx + vay * ny), vbx * nx + vby * ny
     kind = codes.KART_HIT
     return Blow(cursor, first, second, along, -closing, nx, ny, approach_a, approach_b, kind)

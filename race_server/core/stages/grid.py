@@ -17,11 +17,32 @@ def line_up(world: World, w: int) -> None:
     for k in range(world.bodies.shape[1]):
         if world.bodies[w, k].status != codes.ABSENT:
             place_kart(world, w, k)
+        _take_turn(world, w, k)
     rank(world, w)
     forget_sightings(world, w)
     # The scan now and the scan before are the same at the start.
     sense(world, w)
     sense(world, w)
+
+
+@kernel
+def _take_turn(world: World, w: int, k: int) -> None:
+    """Put kart k among those before it, in the order of their places on the grid.
+
+    So a race does not depend on the numbers of its karts. Absent ones are where their numbers are.
+    """
+    turns = world.turns[w]
+    turn = k
+    while turn > 0 and _turn_of(world, w, turns[turn - 1]) > _turn_of(world, w, k):
+        turns[turn] = turns[turn - 1]
+        turn -= 1
+    turns[turn] = k
+
+
+@kernel
+def _turn_of(world: World, w: int, k: int) -> int:
+    is_there = world.bodies[w, k].status != codes.ABSENT
+    return int(world.racers[w, k].grid_place if is_there else k)
 
 
 @kernel

@@ -23,11 +23,11 @@ def touch_karts(world: World, w: int) -> None:
     rules, tick = world.rules[w], world.races[w].tick
     if rules.kart_contact == codes.GHOST or world.bodies.shape[1] == 1:
         return
-    bodies, vehicles = world.bodies[w], world.vehicles[w]
+    bodies, vehicles, turns = world.bodies[w], world.vehicles[w], world.turns[w]
     material = Material(rules.restitution, rules.wall_friction)
     cursor = 0
     while cursor >= 0:
-        blow = next_body_blow(bodies, vehicles, tick, material, cursor)
+        blow = next_body_blow(bodies, vehicles, turns, tick, material, cursor)
         cursor = blow.cursor
         if is_blow(blow):
             _judge_contact(world, w, blow)

@@ -17,22 +17,23 @@ FAR = 1000.0  # stands for "there is none"
 def fill_karts(
     world: World, w: int, k: int, here: float, frame: KartFrame, offsets: Ints, out: Float32s
 ) -> None:
-    """Fill the nearest karts, nearest first; equally near ones in the order of their numbers.
+    """Fill the nearest karts, nearest first; equally near ones in the order of the grid.
 
     here: fractional sample of the reference line abreast of the own kart, negative without one.
     """
-    last, chosen = -1.0, -1  # square of the distance [m²] and number of the kart filled last
+    last, chosen = -1.0, -1  # square of the distance [m²] and turn of the kart filled last
     for index in range(NEARBY):
         best, following = math.inf, -1
-        for other in range(world.bodies.shape[1]):
+        for turn in range(world.turns.shape[1]):
+            other = world.turns[w, turn]
             rival = world.bodies[w, other]
             if other == k or rival.status != codes.RACING or rival.trust >= codes.SUSPENDED:
                 continue
             dx, dy = rival.x - frame.x, rival.y - frame.y
             square = dx * dx + dy * dy
-            later = square > last or (square == last and other > chosen)
+            later = square > last or (square == last and turn > chosen)
             if later and square < best:
-                best, following = square, other
+                best, following = square, turn
         if following < 0:
             put(out, offsets[part.KARTS_X], index, FAR)
             put(out, offsets[part.KARTS_Y], index, FAR)
@@ -42,9 +43,10 @@ def fill_karts(
             put(out, offsets[part.KARTS_ACROSS], index, 0.0)
             continue
         last, chosen = best, following
-        _fill_kart(world.bodies[w, following], index, frame, offsets, out)
+        other = world.turns[w, following]
+        _fill_kart(world.bodies[w, other], index, frame, offsets, out)
         if shows(offsets, part.KARTS_ON_LINE):
-            way, across = _rival_on_line(world, w, following, here)
+            way, across = _rival_on_line(world, w, other, here)
             put(out, offsets[part.KARTS_ALONG], index, way)
             put(out, offsets[part.KARTS_ACROSS], index, across)
 

@@ -25,7 +25,7 @@ RESCUE_TRIES = 16
 def steward(world: World, w: int) -> None:
     """Judge every racing kart."""
     race = world.races[w]
-    for k in range(world.bodies.shape[1]):
+    for k in world.turns[w]:
         body = world.bodies[w, k]
         if body.status != codes.RACING or body.trust >= codes.DOUBTFUL:
             continue

@@ -20,7 +20,7 @@ PACE_TOLERANCE = 0.1
 
 _RETIREMENTS = {
     Retirement.CRASH: "crashed",
-    Retirement.WITHDREW: "withdrawn, by itself, by the stewards, or away or silent for too long",
+    Retirement.WITHDREW: "withdrawn, by itself or sent away, or away or silent for too long",
     Retirement.WRONG_WAY: "drove the wrong way",
     Retirement.STOPPED: "stood for too long",
     Retirement.TIME_OUT: "the time was over",
@@ -30,6 +30,7 @@ _RETIREMENTS = {
     Retirement.HIT_PERSON: "hit a person",
     Retirement.JACK_KNIFE: "bent a hitch too far",
     Retirement.OWN_BODY: "touched itself with a trailer",
+    Retirement.REMOVED: "taken out by the stewards",
 }
 
 

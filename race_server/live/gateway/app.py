@@ -88,18 +88,17 @@ def make_app(state: GatewayState, page: Page) -> GuardedApp:
             return PlainTextResponse("There is no such file.\n", 404)
         return _answer(found, request, CACHED if name else NOT_CACHED)
 
-    async def list_recordings(request: Request) -> Response:
-        if not _may_read(request, state.settings):
-            return PlainTextResponse(NO_TOKEN, 401)
+    async def list_recordings() -> Response:
         return JSONResponse(await run_in_threadpool(state.library.titles), headers=_no_cache())
 
-    async def tell_timing(request: Request) -> Response:
-        if not _may_read(request, state.settings):
-            return PlainTextResponse(NO_TOKEN, 401)
-        standings = state.live.view.standings if state.live.is_there else None
-        if standings is None:
+    async def tell_timing() -> Response:
+        race = _results_of(state)["race"]
+        if race is None:
             return PlainTextResponse("No race yet: ask again.\n", 503, {"retry-after": "1"})
-        return JSONResponse(standings.as_json(), headers=_no_cache())
+        return JSONResponse(race, headers=_no_cache())
+
+    async def tell_results() -> Response:
+        return JSONResponse(_results_of(state), headers=_no_cache())
 
     async def report_health(_: Request) -> Response:
         race = "a race is there" if state.live.is_there else "no race yet"
@@ -110,12 +109,33 @@ def make_app(state: GatewayState, page: Page) -> GuardedApp:
     routes = [
         Route("/", serve_file),
         Route(f"/{ASSETS}/{{name}}", serve_file),
-        Route("/recordings", list_recordings),
-        Route("/timing", tell_timing),
+        Route("/recordings", _for_readers(state, list_recordings)),
+        Route("/timing", _for_readers(state, tell_timing)),
+        Route("/results.json", _for_readers(state, tell_results)),
         Route("/healthz", report_health),
         WebSocketRoute("/ws", serve_browser),
     ]
     return GuardedApp(Starlette(routes=routes), state.settings)
+
+
+def _for_readers(
+    state: GatewayState, tell: Callable[[], Awaitable[Response]]
+) -> Callable[[Request], Awaitable[Response]]:
+    """Return what answers those who may read what spectators see."""
+
+    async def answer(request: Request) -> Response:
+        if not _may_read(request, state.settings):
+            return PlainTextResponse(NO_TOKEN, 401)
+        return await tell()
+
+    return answer
+
+
+def _results_of(state: GatewayState) -> dict[str, Any]:
+    """Return race and event as they stand, None for what there is not."""
+    view = state.live.view
+    race, event = (view.standings, view.programme) if state.live.is_there else (None, None)
+    return {"race": race and race.as_json(), "event": event and event.as_json()}
 
 
 def _may_read(request: Request, settings: Settings) -> bool:

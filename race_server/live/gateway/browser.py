@@ -244,6 +244,10 @@ class BrowserSession:
         elif kind == "use" and self._companion_seat is not None:
             reason = await self._state.stewarding.use_item(self._companion_seat.number)
             self._send(type="use", accepted=not reason, reason=reason)
+        elif kind == "protest" and self._driver_seat is not None:
+            own, against = self._driver_seat.number_of_seat, request["against"]
+            reason = await self._state.stewarding.protest(own, against, request["why"])
+            self._send(type="protest", accepted=not reason, reason=reason)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
             await self._handle_steward(request)
         else:
@@ -272,7 +276,8 @@ class BrowserSession:
             except RaceError as error:
                 self._send(type="log", lines=[], reason=str(error))
             return
-        reason = await stewarding.decide(request["act"], request["seat"], request["value"], who)
+        what = {key: request[key] for key in ("seat", "value", "against", "protest", "note")}
+        reason = await stewarding.decide(request["act"], who, **what)
         self._send(type="acted", id=request["id"], accepted=not reason, reason=reason)
 
     # What it is sent

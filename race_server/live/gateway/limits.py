@@ -13,7 +13,7 @@ class GatewayLimits:
 
     # Browsers, of all addresses and of one that is not this machine. An IPv6 address counts as its
     # network of 64 bits.
-    browsers: int = 256
+    browsers: int = 512
     browsers_per_address: int = 16
     # TCP connections that are no browser yet: a page and its files open a few each. Beyond these
     # the oldest idle one ends.
@@ -21,7 +21,7 @@ class GatewayLimits:
     connections_per_address: int = 64
     # Connections that wait to be accepted, and files that this process asks to open.
     backlog: int = 256
-    open_files: int = 4096
+    open_files: int = 8192
     # A text and a control of a browser.
     text_bytes: int = 1024
     control_bytes: int = 256

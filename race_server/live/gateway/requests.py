@@ -14,6 +14,7 @@ from race_server.live.gateway.handshake import (
     read_number,
     read_text,
 )
+from race_server.net.wire.admin import MOST_NOTE
 
 Request = dict[str, Any]
 Reader = Callable[[Request, str], Any]
@@ -22,6 +23,8 @@ Reader = Callable[[Request, str], Any]
 # times real time.
 MAX_TIME, MAX_VALUE, MAX_TICK = 1e15, 1e6, 1 << 31
 MIN_SPEED, MAX_SPEED = 0.1, 16.0
+# Number of a protest.
+MAX_PROTEST = 9999
 
 # The messages for a player of a recording.
 PLAYER_REQUESTS = ("play", "pause", "seek", "step")
@@ -44,7 +47,11 @@ REQUESTS: dict[str, dict[str, Reader]] = {
         "act": partial(read_text, most=16),
         "seat": _SEAT,
         "value": partial(read_number, least=-MAX_VALUE, most=MAX_VALUE, default=0.0),
+        "against": _SEAT,
+        "protest": partial(read_int, least=0, most=MAX_PROTEST, default=0),
+        "note": partial(read_text, most=MOST_NOTE),
     },
+    "protest": {"against": _SEAT, "why": partial(read_text, most=MOST_NOTE)},
     "log": {},
 }
 

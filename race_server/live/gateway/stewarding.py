@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from race_server.errors import RaceError, SeatError
 from race_server.live.client.steward import StewardClient
@@ -13,7 +13,10 @@ from race_server.net.transport import ClientLink
 Answer = TypeVar("Answer")
 
 # Decisions that a steward may send; see `race_server.live.server.steward`.
-ACTS = ("flag", "pause", "resume", "penalty", "kick", "close", "open", "restart", "park")
+ACTS = (
+    *("flag", "pause", "resume", "penalty", "kick", "remove", "close", "open", "restart", "park"),
+    *("protest", "uphold", "dismiss", "disqualify"),
+)
 
 
 class Stewarding:
@@ -27,15 +30,23 @@ class Stewarding:
         self._busy = asyncio.Lock()
         self._link: ClientLink | None = None
 
-    async def decide(self, act: str, seat: int, value: float, who: str) -> str:
-        """Send a decision and return why it was refused, nothing where it was not."""
+    async def decide(self, act: str, who: str, **what: Any) -> str:
+        """Send a decision and return why it was refused, nothing where it was not.
+
+        what: the other fields of a `Decision`.
+        """
         if act not in ACTS:
             return f"a steward cannot {act!r}; choose one of {', '.join(ACTS)}"
-        return await self._decide(act, seat, value, who)
+        return await self._decide(act, who, **what)
 
     async def use_item(self, seat: int) -> str:
         """Press the item button of a seat for a person beside its driver; return as `decide`."""
-        return await self._decide("use", seat, 0.0, f"beside seat {seat}")
+        return await self._decide("use", f"beside seat {seat}", seat=seat)
+
+    async def protest(self, seat: int, against: int, why: str) -> str:
+        """Lodge a protest of the driver of a seat; return as `decide`."""
+        who = f"driver of seat {seat}"
+        return await self._decide("protest", who, seat=seat, against=against, note=why)
 
     async def log(self, who: str) -> list[str]:
         """Return the log of decisions, oldest first.
@@ -50,9 +61,9 @@ class Stewarding:
         async with self._busy:
             self._drop()
 
-    async def _decide(self, act: str, seat: int, value: float, who: str) -> str:
+    async def _decide(self, act: str, who: str, **what: Any) -> str:
         try:
-            await self._ask(lambda client: client.decide(act, seat=seat, value=value), who)
+            await self._ask(lambda client: client.decide(act, **what), who)
         except RaceError as error:
             return str(error)
         return ""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Protocol
 
-from race_server.core.messages import Flag
+from race_server.core.messages import Fault, Flag
 from race_server.errors import Reason, SeatError
 from race_server.net.wire.admin import Decision
 from race_server.session import Session
@@ -23,8 +23,11 @@ class Court(Protocol):
     def lodge(self, by: int, against: int, why: str) -> str:
         """Lodge a protest of one seat against another, and return a sentence on it."""
 
-    def decide(self, number: int, seconds: float, who: str) -> str:
-        """Uphold a protest with seconds on the time, or dismiss it with 0; return a sentence."""
+    def decide(self, number: int, verdict: str, seconds: float, who: str) -> str:
+        """Decide a protest, and return a sentence on it. seconds: on the time, where upheld."""
+
+    def disqualify(self, seat: int, why: str, who: str) -> str:
+        """Take the last result of a seat from its team, and return a sentence on it."""
 
 
 def _refuse_to_park(_seat: int, _slot: int) -> None:
@@ -114,16 +117,29 @@ class Steward:
         return "the clock goes on"
 
     def _protest(self, decision: Decision) -> str:
-        if not decision.note.strip():
-            raise SeatError("a protest needs a reason: say why", Reason.DECISION)
-        return self._need_court().lodge(decision.seat, decision.against, decision.note)
+        why = self._need_reason(decision)
+        return self._need_court().lodge(decision.seat, decision.against, why)
 
     def _uphold(self, decision: Decision) -> str:
         self._check_penalty(decision.value)
-        return self._need_court().decide(decision.protest, decision.value, decision.who)
+        protest, seconds = decision.protest, decision.value
+        return self._need_court().decide(protest, "upheld", seconds, decision.who)
 
     def _dismiss(self, decision: Decision) -> str:
-        return self._need_court().decide(decision.protest, 0.0, decision.who)
+        return self._need_court().decide(decision.protest, "dismissed", 0.0, decision.who)
+
+    def _disqualify(self, decision: Decision) -> str:
+        """Disqualify for a protest, or a seat without one."""
+        court, who = self._need_court(), decision.who
+        if decision.protest:
+            return court.decide(decision.protest, "disqualified", 0.0, who)
+        return court.disqualify(decision.seat, self._need_reason(decision), who)
+
+    @staticmethod
+    def _need_reason(decision: Decision) -> str:
+        if not decision.note.strip():
+            raise SeatError(f"to {decision.act} needs a reason: say why", Reason.DECISION)
+        return decision.note
 
     def _need_court(self) -> Court:
         if self.court is None:
@@ -152,6 +168,19 @@ class Steward:
         driver = self._session.seat(decision.seat).driver
         self._session.race_control.exclude(decision.seat)
         return f"seat {decision.seat}, {driver}, sent away"
+
+    def _remove(self, decision: Decision) -> str:
+        self._need_race()
+        try:
+            fault = Fault(int(decision.value))
+        except ValueError as error:
+            raise SeatError(
+                f"fault {decision.value:g} is unknown; 0 to {max(Fault)}", Reason.DECISION
+            ) from error
+        driver = self._session.seat(decision.seat).driver
+        self._session.race_control.remove(decision.seat, fault)
+        why = fault.name.lower().replace("_", " ")
+        return f"seat {decision.seat}, {driver}, removed from the race: {why}"
 
     def _close(self, decision: Decision) -> str:
         self._session.race_control.close_seat(decision.seat)
@@ -197,6 +226,7 @@ _ACTS: dict[str, Callable[[Steward, Decision], str]] = {
     "resume": Steward._resume,
     "penalty": Steward._penalty,
     "kick": Steward._kick,
+    "remove": Steward._remove,
     "close": Steward._close,
     "open": Steward._open,
     "restart": Steward._restart,
@@ -205,4 +235,5 @@ _ACTS: dict[str, Callable[[Steward, Decision], str]] = {
     "protest": Steward._protest,
     "uphold": Steward._uphold,
     "dismiss": Steward._dismiss,
+    "disqualify": Steward._disqualify,
 }

@@ -1,6 +1,7 @@
 """Encode and decode what spectators are sent of an event: what is on, what comes, who leads."""
 
 import struct
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,11 +14,12 @@ from race_server.net.wire import topics
 from race_server.net.wire.generated.spectate import Call as CallTable
 from race_server.net.wire.generated.spectate import DeletedLap as DeletedLapTable
 from race_server.net.wire.generated.spectate import Programme
+from race_server.net.wire.generated.spectate import Protest as ProtestTable
 from race_server.net.wire.generated.spectate import Team as TeamTable
 from race_server.net.wire.rows import build_vector
 from race_server.net.wire.strict import F64, I32, I64, U8, U16, U32, U64, Table, root_of
 
-MOST_TEAMS, MOST_CALLS, MOST_ATTEMPTS, MOST_DELETED = 64, 16, 64, 64
+MOST_TEAMS, MOST_CALLS, MOST_ATTEMPTS, MOST_DELETED, MOST_PROTESTS = 64, 16, 64, 64, 64
 # Characters of a text; the rest is cut off when it is written.
 MOST_TEXT = 160
 
@@ -44,6 +46,19 @@ class TeamRow:
     attempts_left: int = 0  # in it, with the one that is driven
     deleted: tuple[DeletedLap, ...] = ()  # in it
     remark: str = ""
+    can_change: bool = False  # its last result: others may protest against it
+
+
+@dataclass(frozen=True, slots=True)
+class ProtestRow:
+    """A protest of a team, or a decision that the stewards took by themselves."""
+
+    number: int
+    title: str  # of the attempt or race
+    by: str  # team; empty for the stewards
+    against: str  # team
+    why: str
+    outcome: str  # empty while it is open
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +86,7 @@ class ProgrammeFrame:
     coming: tuple[Call, ...]  # of the same stage, or of the same round of races
     teams: tuple[TeamRow, ...]  # best place first
     stage: str  # name of the stage that `now` is of
+    protests: tuple[ProtestRow, ...] = ()  # oldest first
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -82,6 +98,8 @@ def encode_programme(frame: ProgrammeFrame) -> bytes:
     builder = flatbuffers.Builder(1024)
     teams = build_vector(builder, [_add_team(builder, row) for row in frame.teams[:MOST_TEAMS]])
     coming = build_vector(builder, [_add_call(builder, one) for one in frame.coming[:MOST_CALLS]])
+    kept = [_add_protest(builder, row) for row in frame.protests[-MOST_PROTESTS:]]
+    protests = build_vector(builder, kept) if kept else 0
     now = _add_call(builder, frame.now) if frame.now else 0
     event, title, stage = (_text(builder, text) for text in (frame.event, frame.title, frame.stage))
     Programme.Start(builder)
@@ -99,6 +117,8 @@ def encode_programme(frame: ProgrammeFrame) -> bytes:
     Programme.AddComing(builder, coming)
     Programme.AddTeams(builder, teams)
     Programme.AddStage(builder, stage)
+    if protests:
+        Programme.AddProtests(builder, protests)
     builder.Finish(Programme.End(builder), topics.PROGRAMME.identifier)
     return bytes(builder.Output())
 
@@ -119,7 +139,21 @@ def _add_team(builder: Any, row: TeamRow) -> int:
     TeamTable.AddAttemptsLeft(builder, row.attempts_left)
     TeamTable.AddDeleted(builder, deleted)
     TeamTable.AddRemark(builder, remark)
+    TeamTable.AddCanChange(builder, row.can_change)
     return int(TeamTable.End(builder))
+
+
+def _add_protest(builder: Any, row: ProtestRow) -> int:
+    words = (row.title, row.by, row.against, row.why, row.outcome)
+    title, by, against, why, outcome = (_text(builder, text) for text in words)
+    ProtestTable.Start(builder)
+    ProtestTable.AddNumber(builder, row.number)
+    ProtestTable.AddTitle(builder, title)
+    ProtestTable.AddBy(builder, by)
+    ProtestTable.AddAgainst(builder, against)
+    ProtestTable.AddWhy(builder, why)
+    ProtestTable.AddOutcome(builder, outcome)
+    return int(ProtestTable.End(builder))
 
 
 def _add_deleted(builder: Any, lap: DeletedLap) -> int:
@@ -169,6 +203,7 @@ def decode_programme(data: bytes) -> ProgrammeFrame:
         coming=tuple(room.call(one) for one in table.tables(10, MOST_CALLS)),
         teams=tuple(room.team(one) for one in table.tables(11, MOST_TEAMS)),
         stage=room.text(table, 12),
+        protests=tuple(room.protests(table)),
     )
 
 
@@ -206,7 +241,16 @@ class _Room:
             attempts_left=row.scalar(6, U16),
             deleted=tuple(self._deleted(lap) for lap in row.tables(7, MOST_DELETED)),
             remark=self.text(row, 8),
+            can_change=bool(row.scalar(9, U8)),
         )
+
+    def protests(self, table: Table) -> Iterator[ProtestRow]:
+        """Yield the protests; recordings from before there were any have none."""
+        if not table.field(13, U32.size):
+            return
+        for row in table.tables(13, MOST_PROTESTS):
+            self._take(U32.size)
+            yield ProtestRow(row.scalar(0, U16), *(self.text(row, slot) for slot in range(1, 6)))
 
     def _deleted(self, lap: Table) -> DeletedLap:
         self._take(U32.size)

@@ -129,7 +129,7 @@ def _walls(world: World, rounds: int) -> None:
 def _karts(world: World, rounds: int) -> None:
     for _ in range(rounds):
         for w in range(world.bodies.shape[0]):
-            find_contact_pairs(world.bodies[w], world.vehicles[w])
+            find_contact_pairs(world.bodies[w], world.vehicles[w], world.turns[w])
             for _ in range(SUBSTEPS):
                 touch_karts(world, w)
 

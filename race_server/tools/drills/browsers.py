@@ -11,7 +11,9 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
@@ -24,8 +26,8 @@ from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, encode_control
 from race_server.net.wire.spectate import decode_snapshot
 from race_server.tools.drills.load_clients import heard_between
+from race_server.tools.drills.watcher import Watcher
 
-RATE = 30
 CONTROL_S = 0.025
 CONTROL = Control(steering=0.2, throttle=0.2)
 CONNECT_S = 30.0
@@ -58,35 +60,31 @@ class Watchers:
     def __init__(self, base: str, count: int) -> None:
         """Start to count, from zero for each."""
         self._base = base
-        self._heard = [0] * count
+        self._watchers = [Watcher(place) for place in range(count)]
         self._before = [0] * count
-        self._there = 0
 
     async def run(self) -> None:
         """Watch from all of them until stdin says ``end``."""
-        tasks = [asyncio.create_task(self._watch(place)) for place in range(len(self._heard))]
-        while self._there < len(tasks):
+        place, loop = urlsplit(self._base), asyncio.get_running_loop()
+        host, port = place.hostname or "", place.port or 0
+        for watcher in self._watchers:
+            await loop.create_connection(partial(_same, watcher), host, port)
+        while not all(watcher.is_there for watcher in self._watchers):
             await asyncio.sleep(0.1)
         await obey(self._mark)
-        document = heard_between(self._before, self._heard)
-        print(json.dumps(document | {"still_there": self._there}), flush=True)
-        for task in tasks:
-            task.cancel()
+        document = heard_between(self._before, self._heard())
+        there = sum(watcher.is_there for watcher in self._watchers)
+        print(json.dumps(document | {"still_there": there}), flush=True)
+
+    def _heard(self) -> list[int]:
+        return [watcher.heard for watcher in self._watchers]
 
     def _mark(self) -> None:
-        self._before = self._heard.copy()
+        self._before = self._heard()
 
-    async def _watch(self, place: int) -> None:
-        async with socket_of(self._base) as socket:
-            await welcomed(socket, role="spectate", rate=RATE, name=f"watcher {place}")
-            self._there += 1
-            try:
-                async for heard in socket:
-                    self._heard[place] += (
-                        isinstance(heard, bytes) and heard[4:8] == topics.SNAPSHOT.identifier
-                    )
-            except ConnectionClosed:
-                self._there -= 1
+
+def _same(watcher: Watcher) -> Watcher:
+    return watcher
 
 
 class BrowserDriver:

@@ -1,10 +1,11 @@
 """A whole evening on the network, its server killed in each phase, stopped and started again.
 
 Six drivers, one of them a learned one and one a real kart played by a plant, go through a time
-trial with two attempts, a qualification, two heats and a final. The server is killed in the middle
-of each, and once between two attempts. In the second heat it is stopped and all programs end, as in
-the evening; then all are started again, as the next morning. At the end the event's file, the
-results file and the result document must hold the same laps, each attempt and race once.
+trial with two attempts, a qualification with obstacles, two heats and a final. The server is killed
+in the middle of each, and once between two attempts. In the second heat it is stopped and all
+programs end, as in the evening; then all are started again, as the next morning. At the end the
+event's file, the results file and the result document must hold the same laps, each attempt and
+race once.
 """
 
 import json
@@ -49,6 +50,7 @@ kind = "time trial"
 name = "Qualification"
 laps = 1
 attempts = 1
+obstacles = {}
 failure_s = 60.0
 
 [[stage]]

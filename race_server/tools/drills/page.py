@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
-from race_server.tools.drills.browsers import RATE, socket_of, welcomed
+from race_server.tools.drills.browsers import socket_of, welcomed
 from race_server.tools.drills.load import LATENESS, MISSED, load_clients
 from race_server.tools.drills.raw_requests import crowd_in, smuggle
 from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
@@ -29,6 +29,7 @@ from race_server.tools.drills.server_process import (
     tick_times_between,
 )
 from race_server.tools.drills.slow_reader import read_slowly
+from race_server.tools.drills.watcher import RATE
 
 SMALL = SmallDrill("--clients 10 --minutes 0.1", 24, "with.missed_share")
 
@@ -45,23 +46,27 @@ ROUGHLY = 1.5
 # Growth of the gateway's memory that is allowed [MB].
 MOST_GROWTH = 20.0
 MOST_MINUTES = 14.0
+# Browsers at a gateway besides those that watch: the driver, and those that misbehave.
+OTHERS = 32
 _CROWD = "race_server.tools.drills.browsers"
 _LATENESS = {"lateness": LATENESS}
 
 
 def drill_page(
-    clients: int, minutes: float, *, tell: Callable[[int], None] = lambda _: None
+    clients: int, minutes: float, *, gateways: int = 1, tell: Callable[[int], None] = lambda _: None
 ) -> dict[str, Any]:
     """Race with browsers for some minutes and return the document.
 
-    tell: called with the seconds passed.
+    clients: at each gateway; tell: called with the seconds passed. Those that misbehave are at the
+    first gateway, where the driver is, too.
     """
     seconds = 60.0 * min(minutes, MOST_MINUTES)
     words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
     words += ["--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"]
     with server_process(words) as place:
         place.wait_for(Phase.LOBBY)
-        gateway, addresses = _start_gateway(place)
+        started = [_start_gateway(place, clients) for _ in range(gateways)]
+        processes, addresses = [process for process, _ in started], started[0][1]
         base, token = addresses["base"], addresses["drive"][0].partition("token=")[2]
         with load_clients([_CROWD, "driver", base, token]) as (driving,):
             driving.wait_until_ready()
@@ -70,31 +75,34 @@ def drill_page(
             before = place.figures()
             time.sleep(min(CALM_S, seconds))
             calm = place.figures()
-            with load_clients([_CROWD, "watchers", base, str(clients)]) as (watching,):
-                watching.wait_until_ready()
+            crowds = [[_CROWD, "watchers", one["base"], str(clients)] for _, one in started]
+            with load_clients(*crowds) as watching:
+                for crowd in watching:
+                    crowd.wait_until_ready()
                 time.sleep(WARM_UP_S)
-                begun = Usage.of(gateway.pid)
+                begun = [Usage.of(process.pid) for process in processes]
                 start = place.figures()
-                for group in (driving, watching):
+                for group in (driving, *watching):
                     group.tell("mark")
                 findings = _pass_time(seconds, base, token, tell)
-                end, used = place.figures(), Usage.of(gateway.pid)
-                told = {"watchers": watching.end(), "driver": driving.end()}
+                end, used = place.figures(), [Usage.of(process.pid) for process in processes]
+                seen, driver = [crowd.end() for crowd in watching], driving.end()
         place.stop()
     figures = {
+        "gateways": gateways,
         "clients": clients,
         "minutes": round(seconds / 60.0, 2),
         "cores": os.cpu_count(),
-        "gateway_cpu": round((used.cpu_s - begun.cpu_s) / (used.at_s - begun.at_s), 3),
-        "gateway_memory_start_mb": begun.memory_mb,
-        "gateway_memory_end_mb": used.memory_mb,
-        "snapshots_per_client_s": round(told["watchers"]["heard_mean"] / seconds, 2),
-        "snapshots_least_s": round(told["watchers"]["heard_least"] / seconds, 2),
+        "gateway_cpu": max(map(Usage.share, begun, used)),
+        "gateway_memory_start_mb": max(one.memory_mb for one in begun),
+        "gateway_memory_end_mb": max(one.memory_mb for one in used),
+        "snapshots_per_client_s": round(min(one["heard_mean"] for one in seen) / seconds, 2),
+        "snapshots_least_s": round(min(one["heard_least"] for one in seen) / seconds, 2),
         "without": tick_times_between(before, calm, _LATENESS),
         "with": tick_times_between(start, end, _LATENESS),
-        "driver": told["driver"],
+        "driver": driver,
     }
-    findings += _judge(clients, told, figures)
+    findings += _judge(sum(one["still_there"] for one in seen), figures)
     return matrix_of(findings, **figures)
 
 
@@ -122,10 +130,17 @@ class Usage:
         memory_mb = round(pages * os.sysconf("SC_PAGE_SIZE") / 1e6, 1)
         return cls(ticks / os.sysconf("SC_CLK_TCK"), memory_mb)
 
+    def share(self, later: "Usage") -> float:
+        """Return the share of a core that was used until a later reading."""
+        return round((later.cpu_s - self.cpu_s) / (later.at_s - self.at_s), 3)
 
-def _start_gateway(place: ServerProcess) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+
+def _start_gateway(
+    place: ServerProcess, browsers: int
+) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
     words = ["gateway", "--connect", place.address, "--session", SESSION, "--port", "0"]
     words += ["--drivers", "1", "--recordings", "none", "--json"]
+    words += ["--browsers", str(browsers + OTHERS)]
     command = [sys.executable, "-m", "race_server", *words]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=place.log)
     place.group.aside.append(process)
@@ -197,15 +212,16 @@ async def _try(
     return Finding(act, f"refused: {expected}", f"refused: {seen}", seen == expected)
 
 
-def _judge(clients: int, told: dict[str, Any], figures: dict[str, Any]) -> list[Finding]:
-    """Return whether the others were disturbed."""
+def _judge(there: int, figures: dict[str, Any]) -> list[Finding]:
+    """Return whether the others were disturbed. there: browsers that are there at the end."""
+    clients = figures["clients"] * figures["gateways"]
     made = figures["with"]["ticks"] / TICKS_PER_SECOND / (60.0 * figures["minutes"])
     least, share = figures["snapshots_least_s"], round(SEEN * RATE * made, 2)
     growth = figures["gateway_memory_end_mb"] - figures["gateway_memory_start_mb"]
     missed, before = (figures[when]["missed_share"] for when in ("with", "without"))
     # On a machine with other load ticks are missed anyway; then the limit is as rough.
     allowed = max(before + MISSED, ROUGHLY * before)
-    there, driver = told["watchers"]["still_there"], told["driver"]
+    driver = figures["driver"]
     return [
         Finding("honest browsers", f"{clients} stay", f"{there} stay", there == clients),
         Finding("snapshots", f"{share:g} a second for each", f"{least:g} at least", least >= share),

@@ -1,7 +1,7 @@
 // Race control: events as sentences.
 
 import type { EventFrame } from '../wire/frames';
-import { EventKind } from '../wire/tables';
+import { EventKind, Retirement } from '../wire/tables';
 import { clockText, lapText, secondsText } from '../i18n/figures';
 import type { Words } from '../i18n/en';
 import { type ToldAlert, doingOf, reasonOf, toneOf as toneOfAlert } from './alerts';
@@ -90,7 +90,7 @@ function textOf(event: EventFrame, cast: Cast, words: Words): string {
     case EventKind.FINISH:
       return say.finish(who);
     case EventKind.RETIRED:
-      return say.retired(who, words.retirements[event.other] ?? words.unknown);
+      return say.retired(who, outText(event.other, event.value, words));
     case EventKind.PICK_UP:
       return say.pickUp(who, cast.item(event.other));
     case EventKind.USE:
@@ -132,4 +132,10 @@ function textOf(event: EventFrame, cast: Cast, words: Words): string {
     default:
       return '';
   }
+}
+
+/** Returns why a kart is out; of one that stewards removed also for what. */
+function outText(reason: number, fault: number, words: Words): string {
+  const text = words.retirements[reason] ?? words.unknown;
+  return reason === Retirement.REMOVED ? `${text}: ${words.faults[fault] ?? ''}` : text;
 }

@@ -14,9 +14,17 @@ export function aloneOn(programme: ProgrammeFrame): TeamFrame | null {
 /** Returns what is called, driven, or was driven last, in the reader's language. */
 export function nowText(programme: ProgrammeFrame, words: Words): string {
   const team = aloneOn(programme);
-  if (!team) return programme.now?.title ?? '';
+  if (!team) return saidText(programme.now?.title ?? '', words);
   const attempt = words.event.attempt(team.attemptsUs.length + 1, programme.attempts);
-  return `${programme.stage}, ${attempt}`;
+  return `${saidText(programme.stage, words)}, ${attempt}`;
+}
+
+/** Returns a title or a remark of the server in the reader's language; names stay as they are. */
+export function saidText(text: string, words: Words): string {
+  return text
+    .split('; ')
+    .map((part) => words.event.said.reduce((said, [from, to]) => said.replace(from, to), part))
+    .join('; ');
 }
 
 /** Returns for how many seconds the call, the review or the attempt goes on, NaN without a limit. */
@@ -50,7 +58,7 @@ export function deletedText(lap: DeletedLapFrame, words: Words): string {
 
 /** Returns the remarks on a team: its laps that do not count, and how its last race ended. */
 export function remarksOn(team: TeamFrame, words: Words): string {
-  return [...team.deleted.map((lap) => deletedText(lap, words)), team.remark]
+  return [...team.deleted.map((lap) => deletedText(lap, words)), saidText(team.remark, words)]
     .filter(Boolean)
     .join(' · ');
 }

@@ -29,6 +29,7 @@ import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
 import { OwnKart } from './ownkart';
 import { type Rig, rigOf } from './rig';
+import { Stints } from './stints';
 import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
 import { type Clearance, clearanceOf } from './clearance';
@@ -89,6 +90,7 @@ export class Race {
   readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
+  stints = new Stints(); // renewed with `events`
   private sectors = new Sectors();
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
@@ -235,6 +237,7 @@ export class Race {
 
   private forgetEvents(): void {
     this.sectors = new Sectors();
+    this.stints = new Stints();
     this.events = [];
     this.toldAlerts = [];
     this.seen = new Set();
@@ -319,6 +322,7 @@ export class Race {
     for (const event of fresh) {
       this.seen.add(event.sequence);
       this.sectors.note(event);
+      this.stints.note(event);
     }
     const all = [...this.events, ...fresh].sort((one, other) => one.sequence - other.sequence);
     this.events = all.slice(-MOST_EVENTS);

@@ -8,6 +8,12 @@ export interface Answer {
   reason: string;
 }
 
+/** What a decision in an event says besides: the number of a protest, or why. */
+export interface Reasons {
+  protest?: number;
+  note?: string;
+}
+
 export class StewardActions {
   private asked = $state.raw<readonly { id: number; what: string }[]>([]);
   private next = 1;
@@ -23,10 +29,10 @@ export class StewardActions {
     return null;
   }
 
-  act(act: string, what: string, seat = -1, value = 0): void {
+  act(act: string, what: string, seat = -1, value = 0, more: Reasons = {}): void {
     const id = this.next++;
     this.asked = [...this.asked.slice(-20), { id, what }];
-    this.visit.send({ type: 'act', act, seat, value, id });
+    this.visit.send({ type: 'act', act, seat, value, id, ...more });
     this.askForLog();
   }
 

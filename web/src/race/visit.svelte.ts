@@ -10,6 +10,7 @@ import type {
   Hello,
   Notice,
   Position,
+  ProtestAnswer,
   Refused,
   Request,
   Role,
@@ -29,6 +30,7 @@ export class Visit {
   isReady = $state(false); // of a driver in the lobby
   isParking = $state(false); // the server has the wheel
   parkRefusal = $state('');
+  protested = $state.raw<ProtestAnswer | null>(null); // the answer to the last protest
   roundTripMs = $state(NaN);
   readonly acted = new SvelteMap<number, Acted>();
   readonly race: Race;
@@ -103,6 +105,9 @@ export class Visit {
         return;
       case 'use':
         if (!told.accepted) this.notice = { type: 'notice', code: 'use', reason: told.reason };
+        return;
+      case 'protest':
+        this.protested = told;
         return;
       case 'pong':
         this.clock.note(told.t, arrivedMs, told.server_us);

@@ -27,6 +27,17 @@ export function readProgramme(buffer: ByteBuffer): Frame {
     attempts: table.attempts(),
     coming: rowsOf(table.comingLength(), (row) => readCall(table.coming(row)!)),
     teams: rowsOf(table.teamsLength(), (row) => readTeam(table.teams(row)!)),
+    protests: rowsOf(table.protestsLength(), (row) => {
+      const protest = table.protests(row)!;
+      return {
+        number: protest.number(),
+        title: protest.title() ?? '',
+        by: protest.by() ?? '',
+        against: protest.against() ?? '',
+        why: protest.why() ?? '',
+        outcome: protest.outcome() ?? '',
+      };
+    }),
   };
 }
 
@@ -51,6 +62,7 @@ function readTeam(team: Team): TeamFrame {
       return { attempt: lap.attempt(), lap: lap.lap(), why: lap.why() ?? '' };
     }),
     remark: team.remark() ?? '',
+    canChange: team.canChange(),
   };
 }
 

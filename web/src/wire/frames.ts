@@ -324,6 +324,17 @@ export interface TeamFrame {
   attemptsLeft: number; // in it, with the one that is driven
   deleted: DeletedLapFrame[];
   remark: string;
+  canChange: boolean; // its last result: others may protest against it
+}
+
+/** A protest of a team, or a decision that the stewards took by themselves. */
+export interface ProtestFrame {
+  number: number;
+  title: string; // of the attempt or race
+  by: string; // empty for the stewards
+  against: string;
+  why: string;
+  outcome: string; // empty while it is open
 }
 
 /** An event as it stands. */
@@ -342,6 +353,7 @@ export interface ProgrammeFrame {
   attempts: number; // of each team in the time trial that is on, 0 in races
   coming: CallFrame[];
   teams: TeamFrame[]; // best place first
+  protests: ProtestFrame[]; // oldest first
 }
 
 /** A lap, or all of an attempt, to drive against. */

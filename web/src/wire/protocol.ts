@@ -86,6 +86,12 @@ export interface UseAnswer {
   reason: string;
 }
 
+export interface ProtestAnswer {
+  type: 'protest';
+  accepted: boolean;
+  reason: string;
+}
+
 export type Told =
   | Welcome
   | Refused
@@ -93,6 +99,7 @@ export type Told =
   | ReadyAnswer
   | ParkAnswer
   | UseAnswer
+  | ProtestAnswer
   | Acted
   | Log
   | Pong
@@ -105,7 +112,16 @@ export type Request =
   | { type: 'park'; park: boolean }
   | { type: 'use' }
   | { type: 'leave' }
-  | { type: 'act'; act: string; seat: number; value: number; id: number }
+  | {
+      type: 'act';
+      act: string;
+      seat: number;
+      value: number;
+      id: number;
+      protest?: number;
+      note?: string;
+    }
+  | { type: 'protest'; against: number; why: string }
   | { type: 'log' }
   | { type: 'ping'; t: number }
   | { type: 'play'; speed: number }

@@ -7,11 +7,13 @@ export {
   Ending,
   EventKind,
   EventPhase,
+  Fault,
   Flag,
   KartFlag,
   Merit,
   Phase,
   RayHit,
+  Retirement,
   Status,
 } from './generated/codes.js';
 export { AlertMessage } from './generated/drive/alert-message.js';

@@ -11,6 +11,7 @@ export { Ending } from './codes/ending.js';
 export { EventKind } from './codes/event-kind.js';
 export { EventPhase } from './codes/event-phase.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';
+export { Fault } from './codes/fault.js';
 export { Flag } from './codes/flag.js';
 export { InterventionKind } from './codes/intervention-kind.js';
 export { KartFlag } from './codes/kart-flag.js';

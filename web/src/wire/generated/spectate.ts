@@ -22,6 +22,7 @@ export { Parking } from './spectate/parking.js';
 export { Planned } from './spectate/planned.js';
 export { PlannedWay } from './spectate/planned-way.js';
 export { Programme } from './spectate/programme.js';
+export { Protest } from './spectate/protest.js';
 export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';

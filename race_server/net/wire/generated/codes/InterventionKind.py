@@ -12,3 +12,4 @@ class InterventionKind(object):
     CLOCK = 6
     PARK = 7
     WHEEL = 8
+    REMOVE = 9

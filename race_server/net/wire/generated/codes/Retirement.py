@@ -14,3 +14,4 @@ class Retirement(object):
     HIT_PERSON = 9
     JACK_KNIFE = 10
     OWN_BODY = 11
+    REMOVED = 12

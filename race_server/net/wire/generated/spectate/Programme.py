@@ -155,8 +155,33 @@ class Programme(object):
             return self._tab.String(o + self._tab.Pos)
         return None
 
+    # Programme
+    def Protests(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            x = self._tab.Vector(o)
+            x += flatbuffers.number_types.UOffsetTFlags.py_type(j) * 4
+            x = self._tab.Indirect(x)
+            from race_server.net.wire.generated.spectate.Protest import Protest
+            obj = Protest()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
+    # Programme
+    def ProtestsLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Programme
+    def ProtestsIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(30))
+        return o == 0
+
 def ProgrammeStart(builder):
-    builder.StartObject(13)
+    builder.StartObject(14)
 
 def Start(builder):
     ProgrammeStart(builder)
@@ -250,6 +275,18 @@ def ProgrammeAddStage(builder, stage):
 
 def AddStage(builder, stage):
     ProgrammeAddStage(builder, stage)
+
+def ProgrammeAddProtests(builder, protests):
+    builder.PrependUOffsetTRelativeSlot(13, flatbuffers.number_types.UOffsetTFlags.py_type(protests), 0)
+
+def AddProtests(builder, protests):
+    ProgrammeAddProtests(builder, protests)
+
+def ProgrammeStartProtestsVector(builder, numElems):
+    return builder.StartVector(4, numElems, 4)
+
+def StartProtestsVector(builder, numElems):
+    return ProgrammeStartProtestsVector(builder, numElems)
 
 def ProgrammeEnd(builder):
     return builder.EndObject()

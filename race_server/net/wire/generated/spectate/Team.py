@@ -125,8 +125,15 @@ class Team(object):
             return self._tab.String(o + self._tab.Pos)
         return None
 
+    # Team
+    def CanChange(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(22))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def TeamStart(builder):
-    builder.StartObject(9)
+    builder.StartObject(10)
 
 def Start(builder):
     TeamStart(builder)
@@ -196,6 +203,12 @@ def TeamAddRemark(builder, remark):
 
 def AddRemark(builder, remark):
     TeamAddRemark(builder, remark)
+
+def TeamAddCanChange(builder, canChange):
+    builder.PrependBoolSlot(9, canChange, 0)
+
+def AddCanChange(builder, canChange):
+    TeamAddCanChange(builder, canChange)
 
 def TeamEnd(builder):
     return builder.EndObject()

@@ -11,5 +11,6 @@ export enum InterventionKind {
   OPEN = 5,
   CLOCK = 6,
   PARK = 7,
-  WHEEL = 8
+  WHEEL = 8,
+  REMOVE = 9
 }

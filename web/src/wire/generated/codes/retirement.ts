@@ -13,5 +13,6 @@ export enum Retirement {
   LEFT_LOT = 8,
   HIT_PERSON = 9,
   JACK_KNIFE = 10,
-  OWN_BODY = 11
+  OWN_BODY = 11,
+  REMOVED = 12
 }

@@ -6,6 +6,7 @@ import * as flatbuffers from 'flatbuffers';
 
 import { EventPhase } from '../codes/event-phase.js';
 import { Call } from '../spectate/call.js';
+import { Protest } from '../spectate/protest.js';
 import { Team } from '../spectate/team.js';
 
 
@@ -108,8 +109,18 @@ stage(optionalEncoding?:any):string|Uint8Array|null {
   return offset ? this.bb!.__string(this.bb_pos + offset, optionalEncoding) : null;
 }
 
+protests(index: number, obj?:Protest):Protest|null {
+  const offset = this.bb!.__offset(this.bb_pos, 30);
+  return offset ? (obj || new Protest()).__init(this.bb!.__indirect(this.bb!.__vector(this.bb_pos + offset) + index * 4), this.bb!) : null;
+}
+
+protestsLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 30);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
 static startProgramme(builder:flatbuffers.Builder) {
-  builder.startObject(13);
+  builder.startObject(14);
 }
 
 static addEvent(builder:flatbuffers.Builder, eventOffset:flatbuffers.Offset) {
@@ -186,6 +197,22 @@ static startTeamsVector(builder:flatbuffers.Builder, numElems:number) {
 
 static addStage(builder:flatbuffers.Builder, stageOffset:flatbuffers.Offset) {
   builder.addFieldOffset(12, stageOffset, 0);
+}
+
+static addProtests(builder:flatbuffers.Builder, protestsOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(13, protestsOffset, 0);
+}
+
+static createProtestsVector(builder:flatbuffers.Builder, data:flatbuffers.Offset[]):flatbuffers.Offset {
+  builder.startVector(4, data.length, 4);
+  for (let i = data.length - 1; i >= 0; i--) {
+    builder.addOffset(data[i]!);
+  }
+  return builder.endVector();
+}
+
+static startProtestsVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(4, numElems, 4);
 }
 
 static endProgramme(builder:flatbuffers.Builder):flatbuffers.Offset {

@@ -84,8 +84,13 @@ remark(optionalEncoding?:any):string|Uint8Array|null {
   return offset ? this.bb!.__string(this.bb_pos + offset, optionalEncoding) : null;
 }
 
+canChange():boolean {
+  const offset = this.bb!.__offset(this.bb_pos, 22);
+  return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
+}
+
 static startTeam(builder:flatbuffers.Builder) {
-  builder.startObject(9);
+  builder.startObject(10);
 }
 
 static addName(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset) {
@@ -148,13 +153,17 @@ static addRemark(builder:flatbuffers.Builder, remarkOffset:flatbuffers.Offset) {
   builder.addFieldOffset(8, remarkOffset, 0);
 }
 
+static addCanChange(builder:flatbuffers.Builder, canChange:boolean) {
+  builder.addFieldInt8(9, +canChange, +false);
+}
+
 static endTeam(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   builder.requiredField(offset, 4) // name
   return offset;
 }
 
-static createTeam(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, seat:number, place:number, points:number, timeUs:bigint, attemptsUsOffset:flatbuffers.Offset, attemptsLeft:number, deletedOffset:flatbuffers.Offset, remarkOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createTeam(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, seat:number, place:number, points:number, timeUs:bigint, attemptsUsOffset:flatbuffers.Offset, attemptsLeft:number, deletedOffset:flatbuffers.Offset, remarkOffset:flatbuffers.Offset, canChange:boolean):flatbuffers.Offset {
   Team.startTeam(builder);
   Team.addName(builder, nameOffset);
   Team.addSeat(builder, seat);
@@ -165,6 +174,7 @@ static createTeam(builder:flatbuffers.Builder, nameOffset:flatbuffers.Offset, se
   Team.addAttemptsLeft(builder, attemptsLeft);
   Team.addDeleted(builder, deletedOffset);
   Team.addRemark(builder, remarkOffset);
+  Team.addCanChange(builder, canChange);
   return Team.endTeam(builder);
 }
 }
