@@ -36,7 +36,7 @@ THRUST_SCALE = PART_NUMBERS["thrust_scale"]
 # Shares of the line's speed: on the straight, and where it takes all the grip for the bend. A line
 # of minimum time knows what slip costs, but leaves no grip to correct an error with.
 STRAIGHT_SHARE = 0.99
-BEND_SHARE = 0.967
+BEND_SHARE = 0.98
 # The same on tyres so stiff that the wheels turn through all their slip within one decision: they
 # slide at once, and without a warning.
 STIFF_BEND_SHARE = 0.95
