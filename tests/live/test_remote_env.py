@@ -281,12 +281,12 @@ def test_no_server_and_no_seat_say_so() -> None:
         ),
         (
             {"observation": "lidar"},
-            "'progress' cannot be known .* choose one of track, line, rivals",
+            "'progress' cannot be known .* choose one of track, line, radar_line, rivals",
         ),
         ({"reward": {"beauty": 1.0}}, "reward term 'beauty' is unknown"),
         (
             {"observation": "report_b"},
-            "a server gives one of lidar, radar, track, line, rivals, lot, lot_lidar, "
+            "a server gives one of lidar, radar, track, line, radar_line, rivals, lot, lot_lidar, "
             "lot_trailer, full",
         ),
         ({"seats": (0, 1)}, "2 seats for 1 karts"),
