@@ -389,7 +389,7 @@ export const en = {
   },
   telemetry: {
     title: 'Real karts',
-    columns: ['Kart', 'Speed', 'Place', 'Link', 'Battery', 'Sensors'],
+    columns: ['Kart', 'Speed', 'Place', 'Link', 'Battery'],
     unknown: 'not known',
     sensors: ['fixes', 'beacons', 'wheels', 'gyro', 'accelerometer', 'steering', 'radar', 'lidar'],
     states: ['', '', 'silent', 'stuck', 'refused'],

@@ -397,7 +397,7 @@ export const fr: Words = {
   },
   telemetry: {
     title: 'Karts réels',
-    columns: ['Kart', 'Vitesse', 'Position', 'Liaison', 'Batterie', 'Capteurs'],
+    columns: ['Kart', 'Vitesse', 'Position', 'Liaison', 'Batterie'],
     unknown: 'inconnue',
     sensors: ['positions', 'balises', 'roues', 'gyroscope', 'accéléromètre', 'direction', 'radar', 'lidar'],
     states: ['', '', 'muet', 'figé', 'rejeté'],
