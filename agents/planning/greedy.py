@@ -16,10 +16,10 @@ from race_server.core.free_space.state_costs import (
     state_after,
 )
 from race_server.core.kernels.boxes import Hull, hull_of
-from race_server.core.kernels.geometry import Pose, clip, cos_sin
+from race_server.core.kernels.geometry import Pose, clip
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.trailers import axle_pose
-from race_server.core.rules.parking import stand_in
+from race_server.core.rules.parking import stand_in, turned_half
 from race_server.core.state import Floats, Ints, Record, Records
 
 # What is tried: shares of the greatest rate at which the angle changes, the most strides, and how
@@ -105,9 +105,7 @@ def _is_settled(parker: Record, hull: Hull) -> bool:
     along = parker.along if parker.along > 0.0 else parker.within
     across = parker.across if parker.across > 0.0 else parker.within
     if parker.fits:
-        cos, sin = cos_sin(stand.turn)
-        half_along = hull.half_length * cos + hull.half_width * abs(sin)
-        half_across = hull.half_length * abs(sin) + hull.half_width * cos
+        half_along, half_across = turned_half(hull, stand.turn)
         along = min(along, 0.5 * parker.length - half_along)
         across = min(across, 0.5 * parker.width - half_across)
     is_near = abs(stand.along) < SETTLED * along and abs(stand.across) < SETTLED * across

@@ -59,13 +59,19 @@ def is_inside(parker: Record, hull: Hull, stand: Stand) -> bool:
 
     parker: PARKER; stand: of the box against the middle of the slot.
     """
-    cos, sin = cos_sin(stand.turn)
-    half_along = hull.half_length * abs(cos) + hull.half_width * abs(sin)
-    half_across = hull.half_length * abs(sin) + hull.half_width * abs(cos)
+    half_along, half_across = turned_half(hull, stand.turn)
     return bool(
         abs(stand.along) + half_along <= 0.5 * parker.length
         and abs(stand.across) + half_across <= 0.5 * parker.width
     )
+
+
+@kernel
+def turned_half(hull: Hull, turn: float) -> tuple[float, float]:
+    """Return half of what a box takes up along and across a slot [m] that it is turned in [rad]."""
+    cos, sin = cos_sin(turn)
+    half_along = hull.half_length * abs(cos) + hull.half_width * abs(sin)
+    return half_along, hull.half_length * abs(sin) + hull.half_width * abs(cos)
 
 
 @kernel

@@ -1,5 +1,6 @@
 """What the server receives over its link, dispatched to what it concerns."""
 
+from race_server.core.alert import DangerStage
 from race_server.errors import Reason, WireError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.counters import Counters
@@ -82,7 +83,9 @@ class Inbox:
             frame = decode_alert(data)
             self._check_epoch(frame.epoch)
             alerts = self._session.tracked_karts.alerts
-            alerts.receive(seat, frame.sequence, frame.alert, arrived_us)
+            says_something = frame.alert.danger.stage > DangerStage.NONE
+            alert = frame.alert if says_something else None
+            alerts.receive(seat, frame.sequence, alert, arrived_us)
         except WireError as error:
             self._counters.refused.record(error.reason, seat)
 

@@ -111,10 +111,7 @@ def decode_alert(data: bytes) -> AlertFrame:
         WireError: damaged, oversized, foreign, not finite or out of range; nothing else.
     """
     table = root_of(data, topics.ALERT.identifier, topics.ALERT.most_bytes)
-    place = table.field(0, ALERT.size)
-    if place == 0:
-        raise WireError("alert is missing")
-    stamp_us, epoch, sequence, *numbers = ALERT.unpack_from(data, place)
+    stamp_us, epoch, sequence, *numbers = table.packed(0, ALERT, "alert")
     return AlertFrame(epoch, sequence, _alert_of(stamp_us, tuple(numbers)))
 
 

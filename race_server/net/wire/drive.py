@@ -124,10 +124,8 @@ def decode_control(data: bytes) -> ControlFrame:
         WireError: damaged, oversized, foreign, not finite or out of range; nothing else.
     """
     table = root_of(data, topics.CONTROL.identifier, topics.CONTROL.most_bytes)
-    place = table.field(0, CONTROL.size)
-    if place == 0:
-        raise WireError("control is missing")
-    epoch, sequence, tick, steering, throttle, brake, buttons = CONTROL.unpack_from(data, place)
+    numbers = table.packed(0, CONTROL, "control")
+    epoch, sequence, tick, steering, throttle, brake, buttons = numbers
     # Comparisons with NaN are false, so NaN is refused here too.
     if not (-1.0 <= steering <= 1.0 and -1.0 <= throttle <= 1.0 and 0.0 <= brake <= 1.0):
         raise WireError(

@@ -73,10 +73,7 @@ def decode_pose(data: bytes) -> PoseFrame:
         WireError: damaged, oversized, foreign, not finite or out of range; nothing else.
     """
     table = root_of(data, topics.POSE.identifier, topics.POSE.most_bytes)
-    place = table.field(0, POSE.size)
-    if place == 0:
-        raise WireError("pose is missing")
-    row = POSE.unpack_from(data, place)
+    row = table.packed(0, POSE, "pose")
     values, buttons, source = row[5:14], row[14], row[15]
     # Comparisons with NaN are false, so NaN is refused here too.
     if not all(-most <= value <= most for value, most in zip(values, _HIGHEST, strict=True)):

@@ -8,6 +8,7 @@ import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from race_server.errors import Reason, WireError
 
@@ -47,6 +48,17 @@ class Table:
         if offset + size > self.size:
             raise WireError(f"field {slot} lies outside its table")
         return self.position + offset
+
+    def packed(self, slot: int, layout: struct.Struct, what: str) -> tuple[Any, ...]:
+        """Return the numbers of a struct. what: it is, in the error.
+
+        Raises:
+            WireError: it is missing, or lies outside its table.
+        """
+        place = self.field(slot, layout.size)
+        if place == 0:
+            raise WireError(f"{what} is missing")
+        return layout.unpack_from(self.data, place)
 
     def scalar(self, slot: int, layout: struct.Struct) -> int:
         """Return an integer, 0 if it is missing."""

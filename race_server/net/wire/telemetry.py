@@ -122,10 +122,7 @@ def decode_telemetry(data: bytes) -> TelemetryFrame:
         WireError: damaged, oversized, foreign, not finite or out of range; nothing else.
     """
     table = root_of(data, topics.TELEMETRY.identifier, topics.TELEMETRY.most_bytes)
-    place = table.field(0, TELEMETRY.size)
-    if place == 0:
-        raise WireError("telemetry is missing")
-    stamp_us, epoch, sequence, *rest = TELEMETRY.unpack_from(data, place)
+    stamp_us, epoch, sequence, *rest = table.packed(0, TELEMETRY, "telemetry")
     told = _telemetry_of(stamp_us, tuple(rest[:8]), rest[8], tuple(rest[9:]))
     return TelemetryFrame(epoch, sequence, told)
 

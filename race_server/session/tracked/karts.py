@@ -6,22 +6,26 @@ from typing import Any
 import numpy as np
 
 from race_server.core import codes
+from race_server.core.alert import Alert
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Pose, PoseFault, Trust
 from race_server.core.state import PLACEMENT, Floats, Ints, World
+from race_server.core.telemetry import Telemetry
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 from race_server.session.parking import are_driven
-from race_server.session.tracked.alerts import KartAlerts
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits
-from race_server.session.tracked.telemetry import KartTelemetry
+from race_server.session.tracked.told import Told
 from race_server.session.tracked.tracker import Tracker
 
 # A point this many kart lengths beyond the borders is not on the course.
 BEYOND_LENGTHS = 1.0
 # Distance between the samples of the centre line that are searched, about.
 LOOK_M = 0.5
+# A kart tells what it does and how it is five times a second; after these times without [s] an
+# alert holds no more, and its state is not known.
+ALERTED_S, KNOWN_S = 1.0, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +49,13 @@ class TrackedKarts:
         # A car park has no line, but its area.
         self._area: Floats | None = None if len(course.line) else course.borders.reshape(-1, 2)
         self.trackers: dict[int, Tracker] = {}
-        self.alerts, self.telemetry = KartAlerts(), KartTelemetry()
+        self._hear_nothing()
         self._lengths: dict[int, float] = {}
+
+    def _hear_nothing(self) -> None:
+        """Forget all that karts have told."""
+        self.alerts: Told[Alert] = Told("alert", ALERTED_S)  # of karts with anything to say
+        self.telemetry: Told[Telemetry] = Told("telemetry", KNOWN_S)
 
     def __contains__(self, seat: int) -> bool:
         return seat in self.trackers
@@ -66,7 +75,7 @@ class TrackedKarts:
 
     def begin(self, world: World, now_us: int) -> None:
         """Expect all of them on the grid of a new race."""
-        self.alerts, self.telemetry = KartAlerts(), KartTelemetry()
+        self._hear_nothing()
         race = world.races[0]
         lights_s = int(race.start_tick - race.tick) / TICKS_PER_SECOND
         for seat, tracker in self.trackers.items():
