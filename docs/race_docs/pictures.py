@@ -17,10 +17,10 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
-from race_docs.browser import CHROMIUM, MISSING, WEBGL_IN_SOFTWARE
 from race_docs.pages import ROOT
 from race_server.competition.launch import free_address
 from race_server.terminal import Console
+from race_server.tools.drills.chromium import CHROMIUM, MISSING, WEBGL_IN_SOFTWARE
 
 RACE = Path(sys.executable).with_name("race")
 ARGUMENTS = ["--no-sandbox", *WEBGL_IN_SOFTWARE]

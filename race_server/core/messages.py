@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, field
 from enum import IntEnum, IntFlag
 from typing import Any
 
+from race_server.core.stint import Stint
+
 
 class Phase(IntEnum):
     """The life of a session."""
@@ -121,6 +123,9 @@ class Merit(IntEnum):
     SLOWER = 1  # than its own best: yellow
     OWN_BEST = 2  # green
     BEST = 3  # of all: purple
+
+
+_MERITS = "sector_merits", "mini_merits"  # in `Timing`
 
 
 class Retirement(IntEnum):
@@ -277,23 +282,21 @@ class Timing:
     sectors_us: tuple[int, ...]  # of this lap; of the last one until the first is through
     sector_merits: tuple[Merit, ...]
     mini_merits: tuple[Merit, ...]  # of twenty equal parts of a lap, in the same way
+    stints: tuple[Stint, ...] = ()  # oldest first
 
     def as_json(self) -> dict[str, Any]:
         """Return plain data; merits by their names."""
-        named = {
-            name: [merit.name.lower() for merit in getattr(self, name)]
-            for name in ("sector_merits", "mini_merits")
-        }
-        return {**asdict(self), "sectors_us": list(self.sectors_us), **named}
+        named = {name: [merit.name.lower() for merit in getattr(self, name)] for name in _MERITS}
+        lists = {"sectors_us": list(self.sectors_us), "stints": list(map(asdict, self.stints))}
+        return {**asdict(self), **lists, **named}
 
     @staticmethod
     def of_json(words: Mapping[str, Any]) -> "Timing":
         """Return what `as_json` took apart."""
-        named = {
-            name: tuple(Merit[merit.upper()] for merit in words[name])
-            for name in ("sector_merits", "mini_merits")
-        }
-        return Timing(**{**words, "sectors_us": tuple(words["sectors_us"]), **named})
+        named = {name: tuple(Merit[merit.upper()] for merit in words[name]) for name in _MERITS}
+        stints = tuple(Stint(**one) for one in words.get("stints", ()))  # none in older results
+        lists = {"sectors_us": tuple(words["sectors_us"]), "stints": stints}
+        return Timing(**{**words, **lists, **named})
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What live timing shows of a race: gaps, sectors and mini-sectors, places gained."""
+"""What live timing shows of a race: gaps, sectors, mini-sectors, stints, places gained."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,7 @@ from race_server.core.messages import Event, EventKind, Timing
 from race_server.core.state import Record, World
 from race_server.session.mini_gates import GATES, MiniGates
 from race_server.session.section_times import SectionTimes
+from race_server.session.stints import Stints
 
 
 class LiveTiming:
@@ -21,10 +22,12 @@ class LiveTiming:
         self._gates = MiniGates(world)
         self._minis = SectionTimes(GATES)
         self._sectors = SectionTimes(int(gates["sector"].max(initial=0)))
+        self._stints = Stints()
         self._start_places = world.racers["grid_place"][0].copy()
 
     def follow(self, world: World, tick: int, events: Sequence[Event]) -> None:
         """Record what has happened since `tick`, the first of the last move."""
+        self._stints.add(events)
         for event in events:
             if event.kind is EventKind.SECTOR:
                 self._sectors.add(event.kart, event.other - 1, event.value)
@@ -56,6 +59,7 @@ class LiveTiming:
             sectors_us=self._sectors.times_us(kart),
             sector_merits=self._sectors.merits(kart),
             mini_merits=self._minis.merits(kart),
+            stints=self._stints.of(kart),
         )
 
 

@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
+from race_server.cli.serve_event import TRACKS
 from race_server.competition.event_spec import EventSpec
 from race_server.competition.race_day.day import run_day
-from race_server.competition.race_day.formats import Format, Races, TimeTrial
+from race_server.competition.race_day.formats import Format, Races, TimeTrial, format_named
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.competition.race_day.report import day_document
 from race_server.core.vehicle_presets import TT02
@@ -16,6 +17,7 @@ from support.served_event import Served
 
 # In the order of the seats; the fastest has the last one.
 DRIVERS = ("tentacles", "follow_gap", "raceline")
+CROWD = ("avoider", *DRIVERS, "unstuck:follow_gap", "pure_pursuit", "idm")
 
 
 def form_of(laps: int) -> Format:
@@ -32,18 +34,19 @@ def without_digests(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def both_ways(
-    folder: Path, track: str, form: Format, drivers: tuple[str, ...]
+    folder: Path, tracks: dict[str, str], form: Format, drivers: tuple[str, ...]
 ) -> list[dict[str, Any]]:
     """Return the document of a race day in this process, and that of the same on the network."""
-    plan = DayPlan(form, teams_of(drivers), {"A": load_course(track)}, TT02, 1)
-    spec = EventSpec(form, {"A": track}, "tt02", 1, folder, 0.2, 0.0, needs_line=True)
+    courses = {letter: load_course(track) for letter, track in tracks.items()}
+    plan = DayPlan(form, teams_of(drivers), courses, TT02, 1)
+    spec = EventSpec(form, tracks, "tt02", 1, folder, 0.2, 0.0, needs_line=True)
     day = Served(spec, drivers).run()
     inside = day_document(plan, run_day(plan, None, lambda _: None))
     return [without_digests(one) for one in (inside, day_document(day.plan, day.ledger))]
 
 
 def test_drivers_race_on_the_network_as_on_a_race_day_to_the_microsecond(tmp_path: Path) -> None:
-    inside, live = both_ways(tmp_path, "oval", form_of(laps=1), DRIVERS)
+    inside, live = both_ways(tmp_path, {"A": "oval"}, form_of(laps=1), DRIVERS)
     assert live == inside
     (race,) = inside["stages"][1]["races"]
     assert race["grid"] == ["raceline", "follow_gap", "tentacles"]
@@ -52,8 +55,18 @@ def test_drivers_race_on_the_network_as_on_a_race_day_to_the_microsecond(tmp_pat
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_karts_that_crowd_one_another_race_the_same_on_any_seat(tmp_path: Path) -> None:
-    drivers = ("avoider", *DRIVERS, "unstuck:follow_gap", "pure_pursuit", "idm")
-    inside, live = both_ways(tmp_path, "covapsy-train-2023", form_of(laps=3), drivers)
+    tracks = {"A": "covapsy-train-2023"}
+    inside, live = both_ways(tmp_path, tracks, form_of(laps=3), CROWD)
     assert live == inside
     (race,) = inside["stages"][1]["races"]
     assert sum(row["kart_contacts"] for row in race["rows"]) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "drives"), [("2023", 30), ("2025", 24)])
+def test_a_format_that_is_included_is_driven_the_same_on_the_network(
+    name: str, drives: int, tmp_path: Path
+) -> None:
+    tracks = dict(zip("ABC", TRACKS.split(","), strict=True))
+    inside, live = both_ways(tmp_path, tracks, format_named(name), (*CROWD, "tentacles_report_b"))
+    assert live == inside

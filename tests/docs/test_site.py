@@ -16,8 +16,8 @@ import pytest
 
 pytest.importorskip("sphinx", reason="sphinx is not installed: pip install -e '.[docs]'")
 
-from race_docs.browser import CHROMIUM, MISSING
 from race_docs.pages import ROOT
+from race_server.tools.drills.chromium import CHROMIUM, MISSING
 
 FOLDERS = (
     "race_server",

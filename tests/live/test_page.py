@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from race_server.competition.launch import free_address
-from support.chromium import NEEDS_CHROMIUM, Page, Stage, chromium
+from support.chromium import NEEDS_CHROMIUM, TURN_S, KeyDriver, Page, Stage, chromium
 from support.courses import ring
 from support.served_race import gated, racing, record_race, wait_for_race
 from support.servers import wait_until
@@ -72,33 +72,12 @@ def karts(page: Page) -> dict[int, dict[str, float]]:
 
 def drive_by_keys(page: Page, is_done: Callable[[], object], timeout_s: float) -> None:
     """Press and release keys so that the own kart goes around the course, rather slowly."""
-    way = page.evaluate("window.__race.way()")
-    down: set[str] = set()
-    deadline = time.monotonic() + timeout_s
+    driver, deadline = KeyDriver(page), time.monotonic() + timeout_s
     while not is_done():
-        assert time.monotonic() < deadline, karts(page)[OWN]
-        wanted = _keys_for(karts(page)[OWN], way)
-        for key in down - wanted:
-            page.keyboard.up(key)
-        for key in wanted - down:
-            page.keyboard.down(key)
-        down = wanted
-        time.sleep(0.02)
-    for key in down:
-        page.keyboard.up(key)
-
-
-def _keys_for(kart: dict[str, float], way: list[list[float]]) -> set[str]:
-    near = min(range(len(way)), key=lambda i: math.dist(way[i], (kart["x"], kart["y"])))
-    x, y = way[(near + round(1.2 / math.dist(way[0], way[1]))) % len(way)]
-    turn = math.atan2(y - kart["y"], x - kart["x"]) - kart["heading"]
-    turn = math.atan2(math.sin(turn), math.cos(turn))
-    # The angle of the wheels for which pure pursuit asks, against where they are.
-    lack = math.atan(2.0 * 0.257 * math.sin(turn) / 1.2) - kart["steering"]
-    keys = {"ArrowUp"} if kart["speed"] < 3.0 else set()
-    if abs(lack) > 0.04:
-        keys.add("ArrowLeft" if lack > 0.0 else "ArrowRight")
-    return keys
+        assert time.monotonic() < deadline, driver.state
+        driver.turn()
+        time.sleep(TURN_S)
+    driver.press(set())
 
 
 def test_a_lap_is_driven_by_pressing_keys(driving: Page, watching: Page) -> None:

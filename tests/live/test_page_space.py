@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from race_docs.browser import WEBGL_IN_SOFTWARE
 from race_server.competition.launch import free_address
 from race_server.core.messages import Flag
+from race_server.tools.drills.chromium import WEBGL_IN_SOFTWARE
 from support import servers
 from support.chromium import NEEDS_CHROMIUM, Page, Stage, chromium
 from support.served_race import gated, racing, record_race, wait_for_race

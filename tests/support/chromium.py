@@ -11,14 +11,14 @@ pytest.importorskip("playwright", reason="playwright is not installed: pip insta
 from playwright.sync_api import Browser, ConsoleMessage, Request, sync_playwright
 from playwright.sync_api import Page as Page
 
-from race_docs.browser import CHROMIUM, MISSING
-from race_server.live.gateway.page import is_built
+from race_server.tools.drills.chromium import CHROMIUM, missing_page
+from race_server.tools.drills.page_drivers import TURN_S as TURN_S
+from race_server.tools.drills.page_drivers import KeyDriver as KeyDriver
 from support.served_race import ServedRace
 
 NEEDS_CHROMIUM = [
     pytest.mark.net,
-    pytest.mark.skipif(not CHROMIUM, reason=MISSING),
-    pytest.mark.skipif(not is_built(), reason="the page is not built: make page"),
+    pytest.mark.skipif(bool(missing_page()), reason=missing_page()),
 ]
 
 

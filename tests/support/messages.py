@@ -27,6 +27,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.stint import Stint
 from race_server.core.telemetry import Health, SensorState, Telemetry
 from race_server.core.vehicle_presets import TT02
 from race_server.net.wire import (
@@ -90,6 +91,7 @@ TIMED = replace(
         sectors_us=(4, 0),
         sector_merits=(Merit.BEST, Merit.NONE),
         mini_merits=(Merit.SLOWER, Merit.OWN_BEST, Merit.NONE),
+        stints=(Stint(1, 2, 9, 1), Stint(3, 0, 0, 0)),
     ),
 )
 

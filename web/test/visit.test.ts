@@ -2,8 +2,9 @@ import { Builder } from 'flatbuffers';
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 
 import { Visit } from '../src/race/visit.svelte';
-import { Phase } from '../src/wire/tables';
-import { Standings } from '../src/wire/tables';
+import { EventPhase, Phase, Programme, Standings, Status } from '../src/wire/tables';
+import { Call } from '../src/wire/generated/spectate/call.js';
+import { Standing } from '../src/wire/generated/spectate/standing.js';
 
 class Socket {
   static readonly OPEN = 1;
@@ -25,16 +26,46 @@ class Socket {
     this.onmessage({ data: JSON.stringify(words) });
   }
 
-  /** Tells how the race stands. */
-  stand(phase: number): void {
+  /** Tells how the race stands, in which seat 3 has a status. */
+  stand(phase: number, status: Status = Status.RACING): void {
     const builder = new Builder(64);
     const course = builder.createString('round');
-    const rows = Standings.createRowsVector(builder, []);
+    const driver = builder.createString('Ada');
+    Standing.startStanding(builder);
+    Standing.addDriver(builder, driver);
+    Standing.addSeat(builder, 3);
+    Standing.addStatus(builder, status);
+    const rows = Standings.createRowsVector(builder, [Standing.endStanding(builder)]);
     Standings.startStandings(builder);
     Standings.addCourse(builder, course);
     Standings.addRows(builder, rows);
     Standings.addPhase(builder, phase);
-    builder.finish(Standings.endStandings(builder), 'RSTD');
+    this.show(builder, Standings.endStandings(builder), 'RSTD');
+  }
+
+  /** Tells who is called in an event, until when by the server's clock. */
+  call(team: string, untilUs: bigint): void {
+    const builder = new Builder(64);
+    const name = builder.createString(team);
+    const names = Call.createTeamsVector(builder, [name]);
+    Call.startCall(builder);
+    Call.addTitle(builder, name);
+    Call.addTeams(builder, names);
+    const now = Call.endCall(builder);
+    const coming = Programme.createComingVector(builder, []);
+    const teams = Programme.createTeamsVector(builder, []);
+    Programme.startProgramme(builder);
+    for (const add of [Programme.addEvent, Programme.addTitle, Programme.addStage]) add(builder, name);
+    Programme.addPhase(builder, EventPhase.CALLED);
+    Programme.addNow(builder, now);
+    Programme.addUntilUs(builder, untilUs);
+    Programme.addComing(builder, coming);
+    Programme.addTeams(builder, teams);
+    this.show(builder, Programme.endProgramme(builder), 'RPRG');
+  }
+
+  private show(builder: Builder, table: number, identifier: string): void {
+    builder.finish(table, identifier);
     this.onmessage({ data: builder.asUint8Array().slice().buffer });
   }
 }
@@ -66,11 +97,26 @@ test('who was ready for one race is asked again before the next', () => {
   expect(visit.isReady).toBe(false);
 });
 
-test('in a lobby nobody is told that the server brakes the kart', () => {
+test('each call of an event asks again, also that of a server that was started again', () => {
+  const visit = driving();
+  const answer = { type: 'ready', ready: true, accepted: true, reason: '' };
+  for (const untilUs of [30_000_000n, 60_000_000n]) {
+    Socket.newest.call('Ada', untilUs);
+    Socket.newest.tell(answer);
+    Socket.newest.call('Ada', untilUs);
+    expect(visit.isReady).toBe(true);
+  }
+  Socket.newest.call('Ada', 90_000_000n);
+  expect(visit.isReady).toBe(false);
+});
+
+test('in a lobby, and while others drive, nobody is told that the server brakes the kart', () => {
   const visit = driving();
   Socket.newest.stand(Phase.RUNNING);
   Socket.newest.tell({ type: 'notice', code: 'dead-man', reason: 'no control' });
   expect(visit.note?.code).toBe('dead-man');
   Socket.newest.stand(Phase.LOBBY);
+  expect(visit.note).toBeNull();
+  Socket.newest.stand(Phase.RUNNING, Status.ABSENT);
   expect(visit.note).toBeNull();
 });

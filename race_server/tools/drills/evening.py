@@ -5,12 +5,14 @@ trial with two attempts, a qualification with obstacles, two heats and a final. 
 in the middle of each, and once between two attempts. In the second heat it is stopped and all
 programs end, as in the evening; then all are started again, as the next morning. At the end the
 event's file, the results file and the result document must hold the same laps, each attempt and
-race once.
+race once. Some of the drivers may be people at the page (`page_drivers`), in real browsers.
 """
 
 import json
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -29,11 +31,15 @@ from race_server.competition.launch import (
 from race_server.errors import RaceError
 from race_server.logs import last_words
 from race_server.storage.results.queries import races
+from race_server.tools.drills.chromium import missing_page
 from race_server.tools.drills.crash import children_of
+from race_server.tools.drills.gateway_process import start_gateway
 from race_server.tools.drills.report import document_of
 
 TRACK, SESSION = "oval", "evening"
-DRIVERS = ("raceline", "follow_gap", "pure_pursuit", "avoider", "learned:time-trial")
+# People take the seats of the last ones.
+PROGRAMS = ("learned:time-trial", "raceline", "follow_gap", "pure_pursuit", "avoider")
+PEOPLE = ("Ada", "Ben")
 REAL = "pure_pursuit"  # drives the real kart
 FORMAT = """
 title = "Evening"
@@ -76,8 +82,11 @@ KILLED_IN = {3: "Time trial", 14: "Qualification", 18: "Heat", 20: "Final"}
 KILLED_BEFORE, STOPPED_IN = 8, 19
 # After the start of an attempt or a race [s].
 KILL_S = 4.5
-LONGEST_S = 1500.0
+LONGEST_S = 900.0
 RESUME_S = 5.0
+
+PAGES = "race_server.tools.drills.page_drivers"
+PAGE_ERROR = "page error"
 
 Line = dict[str, Any]
 
@@ -89,30 +98,43 @@ class Evening:
     place: Path
     group: ProcessGroup
     log: Any
+    people: tuple[str, ...] = ()
     address: str = field(default_factory=free_address)
     kills: list[str] = field(default_factory=list)
     resume_s: list[float] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)  # of the pages
     _read: int = 0
 
     def start(self) -> None:
         """Start the server and all drivers."""
         self.group.processes.clear()
         self.group.start(self._serve(), self.log)
-        for name in DRIVERS:
-            self.group.start(["drive", name, *self._ask()], self.log, aside=True)
-        self.group.start(["plant", "--driver", REAL, *self._ask()], self.log, aside=True)
+        waits = ["--patience", str(START_S)]
+        for name in PROGRAMS[: len(PROGRAMS) - len(self.people)]:
+            self.group.start(["drive", name, *self._ask(), *waits], self.log, aside=True)
+        self.group.start(["plant", "--driver", REAL, *self._ask(), *waits], self.log, aside=True)
+        if self.people:
+            self._start_pages()
+
+    def _start_pages(self) -> None:
+        """Start a gateway, and a process with the browsers of the people and of one who watches."""
+        words = [*self._ask(), "--drivers", str(len(self.people))]
+        _, addresses = start_gateway(self.group, self.log, *words)
+        pairs = zip(self.people, addresses["drive"], strict=True)
+        command = [sys.executable, "-m", PAGES, addresses["base"], str(self.place)]
+        command += [word for pair in pairs for word in pair]
+        self.group.aside.append(subprocess.Popen(command, stdout=self.log, stderr=self.log))
 
     def _serve(self) -> list[str]:
         place = self.place
         words = ["serve", "--format", str(place / "evening.toml"), "--track", TRACK, "--once"]
-        words += ["--karts", str(len(DRIVERS) + 1), "--listen", self.address]
+        words += ["--karts", str(len(PROGRAMS) + 1), "--listen", self.address]
         words += ["--session", SESSION, "--record", str(place), "--call-limit", "30"]
         words += ["--results", str(place / "results.sqlite")]
         return [*words, "--result", str(place / "result.json"), "--json"]
 
     def _ask(self) -> list[str]:
-        words = ["--connect", self.address, "--session", SESSION]
-        return [*words, "--patience", str(START_S)]
+        return ["--connect", self.address, "--session", SESSION]
 
     def lines(self) -> list[Line]:
         """Return what the log says since the last call."""
@@ -159,13 +181,29 @@ class Evening:
 _GOING_ON = {"going on with an event"}
 
 
-def drill_evening(tell: Callable[[int], None] = lambda _: None) -> dict[str, Any]:
-    """Run an evening and return its figures. tell: called with the number of drives so far."""
+def drill_evening(
+    browsers: int = 0,
+    keep: Path | None = None,
+    tell: Callable[[int], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Run an evening and return its figures.
+
+    browsers: people at the page; keep: folder for all that is written, with pictures of the page,
+    None for none; tell: called with the number of drives so far.
+
+    Raises:
+        RaceError: a page cannot be driven here, or an event is in the folder already.
+    """
+    if browsers and (reason := missing_page()):
+        raise RaceError(f"no browser can drive: {reason}")
+    if keep is not None and any(keep.glob(f"{SESSION}*{SUFFIX}")):
+        raise RaceError(f"an evening is in {keep} already: name another folder")
     with tempfile.TemporaryDirectory(prefix="evening-") as folder, process_group() as group:
-        place = Path(folder)
+        place = keep or Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
         (place / "evening.toml").write_text(FORMAT)
         with (place / "log").open("wb") as log:
-            evening = Evening(place, group, log)
+            evening = Evening(place, group, log, PEOPLE[:browsers])
             try:
                 evening.start()
                 _follow(evening, tell)
@@ -187,6 +225,8 @@ def _follow(evening: Evening, tell: Callable[[int], None]) -> None:
             if line["event"] in {"driven", "found"}:
                 driven, due_at = driven + (line["event"] == "driven"), 0.0
                 tell(driven)
+            elif line["event"] == PAGE_ERROR:
+                evening.faults.append(f"an error of the page: {line['why']}")
             elif line["event"] == "race started" and driven in todo:
                 due_at = time.monotonic() + KILL_S
             elif line["event"] == "called" and driven == KILLED_BEFORE and between:
@@ -204,7 +244,7 @@ def _follow(evening: Evening, tell: Callable[[int], None]) -> None:
 
 
 def _report(evening: Evening) -> dict[str, Any]:
-    place, faults = evening.place, []
+    place, faults = evening.place, evening.faults
     found = sorted(place.glob(f"{SESSION}-*{SUFFIX}"))
     if len(found) != 1:
         raise RaceError(f"{len(found)} events are over, 1 was expected")
@@ -226,6 +266,11 @@ def _report(evening: Evening) -> dict[str, Any]:
         for record in state.records
         for drive in record.drives
     )
+    laps = Counter[str]()
+    for record in state.records:
+        laps.update({drive.team: drive.laps for drive in record.drives})
+    if idle := [team for team in teams if not laps[team]]:
+        faults.append(f"no lap of {', '.join(idle)}")
     if absent:
         faults.append(f"{absent} times a driver was not there for its call")
     return document_of(
@@ -235,7 +280,10 @@ def _report(evening: Evening) -> dict[str, Any]:
         kills=len(evening.kills),
         stopped=Counter(row["ended"] for row in kept)["stopped"],
         absent=absent,
-        laps=sum(drive.laps for record in state.records for drive in record.drives),
+        laps=laps.total(),
+        **(
+            {"laps_of_people": sum(laps[name] for name in evening.people)} if evening.people else {}
+        ),
         podium=", ".join(document["podium"]),
         resume_s_worst=round(max(evening.resume_s, default=0.0), 2),
     )

@@ -6,8 +6,6 @@ Server, gateway and browsers are separate processes and share this machine.
 import asyncio
 import json
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,12 +17,12 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.tools.drills.browsers import socket_of, welcomed
+from race_server.tools.drills.gateway_process import start_gateway
 from race_server.tools.drills.load import LATENESS, MISSED, load_clients
 from race_server.tools.drills.raw_requests import crowd_in, smuggle
 from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
 from race_server.tools.drills.server_process import (
     SESSION,
-    ServerProcess,
     server_process,
     tick_times_between,
 )
@@ -65,7 +63,9 @@ def drill_page(
     words += ["--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"]
     with server_process(words) as place:
         place.wait_for(Phase.LOBBY)
-        started = [_start_gateway(place, clients) for _ in range(gateways)]
+        ask = ["--connect", place.address, "--session", SESSION, "--drivers", "1"]
+        ask += ["--browsers", str(clients + OTHERS)]
+        started = [start_gateway(place.group, place.log, *ask) for _ in range(gateways)]
         processes, addresses = [process for process, _ in started], started[0][1]
         base, token = addresses["base"], addresses["drive"][0].partition("token=")[2]
         with load_clients([_CROWD, "driver", base, token]) as (driving,):
@@ -133,22 +133,6 @@ class Usage:
     def share(self, later: "Usage") -> float:
         """Return the share of a core that was used until a later reading."""
         return round((later.cpu_s - self.cpu_s) / (later.at_s - self.at_s), 3)
-
-
-def _start_gateway(
-    place: ServerProcess, browsers: int
-) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    words = ["gateway", "--connect", place.address, "--session", SESSION, "--port", "0"]
-    words += ["--drivers", "1", "--recordings", "none", "--json"]
-    words += ["--browsers", str(browsers + OTHERS)]
-    command = [sys.executable, "-m", "race_server", *words]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=place.log)
-    place.group.aside.append(process)
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    if not line:
-        raise RaceError(f"the gateway did not start: {place.last_words()}")
-    return process, json.loads(line)
 
 
 def _pass_time(seconds: float, base: str, token: str, tell: Callable[[int], None]) -> list[Finding]:

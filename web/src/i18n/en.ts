@@ -139,8 +139,7 @@ export const en = {
     ideal: 'Ideal',
     idealHelp: 'Sum of the best sectors of this kart',
     minis: 'Mini-sectors',
-    miniMerits: ['not driven yet', 'slower', 'personal best', 'best of all'],
-    sectorMerits: { best: 'best of all', own: 'personal best', none: '' },
+    merits: ['not driven yet', 'slower', 'personal best', 'best of all'],
   },
   lapOf: (lap: number, laps: number) => `Lap ${lap} of ${laps}`,
 

@@ -136,8 +136,7 @@ export const fr: Words = {
     ideal: 'Idéal',
     idealHelp: 'Somme des meilleurs secteurs de ce kart',
     minis: 'Mini-secteurs',
-    miniMerits: ['pas encore parcouru', 'plus lent', 'meilleur personnel', 'meilleur de tous'],
-    sectorMerits: { best: 'meilleur de tous', own: 'record personnel', none: '' },
+    merits: ['pas encore parcouru', 'plus lent', 'record personnel', 'meilleur de tous'],
   },
   lapOf: (lap, laps) => `Tour ${lap} sur ${laps}`,
 

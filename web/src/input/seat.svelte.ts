@@ -78,8 +78,9 @@ export class DrivenSeat {
       this.response.noteAcknowledged(own.acknowledged, now);
       this.responseMs = this.response.ms;
     }
-    // Once more after the device is released, so that the kart coasts at once.
-    if (this.grip.isHeld || wasHeld) this.send(now);
+    // Once more after the device is released, so that the kart coasts at once. Nothing is sent
+    // without a kart on the track: in a lobby, after the end, while others drive.
+    if (own && (this.grip.isHeld || wasHeld)) this.send(now);
   }
 
   private helped(grip: Grip, own: KartFrame | null): Grip {

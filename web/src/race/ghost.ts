@@ -62,13 +62,9 @@ export class Ghost {
 
   /**
    * Returns by how much each sector of a lap was slower than the ghost's [s]; undefined for those
-   * to come. lap: from 0; sectors: [µs] of the sectors so far.
+   * to come. lap: from 0; sectors: [µs] of the sectors so far, 0 for those to come.
    */
-  sectorDeltas(
-    course: Course,
-    lap: number,
-    sectors: readonly (number | undefined)[],
-  ): (number | undefined)[] {
+  sectorDeltas(course: Course, lap: number, sectors: readonly number[]): (number | undefined)[] {
     const lines = course.sectorLines.map((line) => line || course.length);
     const begin = this.frame.fromLights ? lap * course.length : 0;
     let before = begin > 0 ? this.secondsAt(begin) : 0;
@@ -77,7 +73,7 @@ export class Ghost {
       const own = sectors[sector];
       const took = at - before;
       before = at;
-      return own === undefined || Number.isNaN(took) ? undefined : own / 1e6 - took;
+      return !own || Number.isNaN(took) ? undefined : own / 1e6 - took;
     });
   }
 

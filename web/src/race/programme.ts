@@ -11,6 +11,13 @@ export function aloneOn(programme: ProgrammeFrame): TeamFrame | null {
   return programme.teams.find((team) => team.name === name) ?? null;
 }
 
+/** Returns what tells a call from all others, also from the same one of a server that was started
+    again; '' while nobody is called. */
+export function callOf(programme: ProgrammeFrame | null): string {
+  if (programme?.phase !== EventPhase.CALLED) return '';
+  return `${programme.driven} ${programme.untilMs}`;
+}
+
 /** Returns what is called, driven, or was driven last, in the reader's language. */
 export function nowText(programme: ProgrammeFrame, words: Words): string {
   const team = aloneOn(programme);

@@ -29,8 +29,6 @@ import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { BINS, Pace } from './pace';
 import { OwnKart } from './ownkart';
 import { type Rig, rigOf } from './rig';
-import { Stints } from './stints';
-import { Sectors } from './sectors';
 import { type Row, tableOf } from './table';
 import { type Clearance, clearanceOf } from './clearance';
 import { Trails } from './trails';
@@ -90,8 +88,6 @@ export class Race {
   readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
-  stints = new Stints(); // renewed with `events`
-  private sectors = new Sectors();
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
   private told = -1; // epoch of the events
@@ -236,8 +232,6 @@ export class Race {
   }
 
   private forgetEvents(): void {
-    this.sectors = new Sectors();
-    this.stints = new Stints();
     this.events = [];
     this.toldAlerts = [];
     this.seen = new Set();
@@ -321,8 +315,6 @@ export class Race {
     if (!fresh.length) return;
     for (const event of fresh) {
       this.seen.add(event.sequence);
-      this.sectors.note(event);
-      this.stints.note(event);
     }
     const all = [...this.events, ...fresh].sort((one, other) => one.sequence - other.sequence);
     this.events = all.slice(-MOST_EVENTS);
@@ -345,10 +337,10 @@ export class Race {
   }
 
   private makeRows(snapshot: SnapshotFrame | null, nowMs: number): void {
-    const { standings, paces, sectors } = this;
+    const { standings, paces } = this;
     if (!standings) return;
     const ages = this.isRecording ? new Map<number, number>() : this.ages.at(nowMs);
-    this.rows = tableOf({ snapshot, standings, paces, sectors, ages });
+    this.rows = tableOf({ snapshot, standings, paces, ages });
   }
 
   private measureReference(): void {

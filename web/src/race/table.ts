@@ -4,7 +4,6 @@ import type { ParkingFrame, SnapshotFrame, StandingsFrame, TimingFrame } from '.
 import { Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import { type Pace, gapBetween } from './pace';
-import type { SectorTime, Sectors } from './sectors';
 
 export interface Row {
   seat: number;
@@ -18,7 +17,6 @@ export interface Row {
   lastUs: number;
   bestUs: number;
   isBest: boolean; // the fastest lap of all
-  sectors: readonly (SectorTime | undefined)[];
   item: number;
   penalties: number;
   penaltyUs: number;
@@ -33,13 +31,12 @@ export interface Sources {
   snapshot: SnapshotFrame | null;
   standings: StandingsFrame;
   paces: ReadonlyMap<number, Pace>;
-  sectors: Sectors;
   ages: ReadonlyMap<number, number>;
 }
 
 /** Returns the leaderboard, best placed first. */
 export function tableOf(sources: Sources): Row[] {
-  const { snapshot, standings, paces, sectors, ages } = sources;
+  const { snapshot, standings, paces, ages } = sources;
   const karts = new Map(snapshot?.karts.map((kart) => [kart.seat, kart]));
   const best = Math.min(...standings.rows.map((row) => row.bestLapUs || Infinity));
   const rows = standings.rows.map((row): Row => {
@@ -56,7 +53,6 @@ export function tableOf(sources: Sources): Row[] {
       lastUs: row.lastLapUs,
       bestUs: row.bestLapUs,
       isBest: row.bestLapUs > 0 && row.bestLapUs === best,
-      sectors: sectors.of(row.seat),
       item: kart?.item ?? 0,
       penalties: row.penalties,
       penaltyUs: row.penaltyUs,

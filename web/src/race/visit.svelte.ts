@@ -2,7 +2,7 @@
 
 import { SvelteMap } from 'svelte/reactivity';
 
-import { Phase } from '../wire/tables';
+import { Phase, Status } from '../wire/tables';
 import { Link, type LinkState } from '../wire/link';
 import type { Frame } from '../wire/frames';
 import type {
@@ -18,6 +18,7 @@ import type {
   Welcome,
 } from '../wire/protocol';
 import { ServerClock } from './clock';
+import { callOf } from './programme';
 import { Race } from './race.svelte';
 
 export class Visit {
@@ -52,10 +53,13 @@ export class Visit {
     this.link.open();
   }
 
-  /** The notice about the connection; none about driving in a lobby. */
+  /** The notice about the connection; none about driving where the own kart is not in a race. */
   get note(): Notice | null {
-    const inLobby = this.race.standings?.phase === Phase.LOBBY;
-    return inLobby && this.notice?.code === 'dead-man' ? null : this.notice;
+    if (this.notice?.code !== 'dead-man') return this.notice;
+    const { phase, rows } = this.race.standings ?? {};
+    const own = rows?.find(({ seat }) => seat === this.welcome?.seat);
+    const isRacing = phase !== Phase.LOBBY && (own?.status ?? Status.RACING) === Status.RACING;
+    return isRacing ? this.notice : null;
   }
 
   send(request: Request): void {
@@ -75,12 +79,13 @@ export class Visit {
   }
 
   private take(frame: Frame, arrivedMs: number): void {
-    const before = this.race.standings?.phase;
+    const [before, calledBefore] = [this.race.standings?.phase, callOf(this.race.programme)];
     this.race.take(frame, arrivedMs);
-    // Readiness for one race does not count for the next.
+    const called = callOf(this.race.programme);
+    // Readiness for one race does not count for the next; in an event it is asked for by each call.
     if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) {
       [this.isReady, this.isParking, this.parkRefusal] = [false, false, ''];
-    }
+    } else if (called && called !== calledBefore) this.isReady = false;
   }
 
   private hear(told: Told, arrivedMs: number): void {

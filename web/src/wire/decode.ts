@@ -184,7 +184,14 @@ function readStanding(table: Standings, index: number): StandingFrame {
       theoreticalUs: Number(timing.theoreticalUs()),
       lapsDown: timing.lapsDown(),
       gained: timing.gained(),
+      sectorsUs: rowsOf(timing.sectorsUsLength(), (sector) => Number(timing.sectorsUs(sector))),
+      sectorMerits: rowsOf(timing.sectorMeritsLength(), (sector) => timing.sectorMerits(sector)!),
       miniMerits: rowsOf(timing.miniMeritsLength(), (mini) => timing.miniMerits(mini)!),
+      stints: rowsOf(timing.stintsLength(), (number) => {
+        const stint = timing.stints(number)!;
+        const [firstLap, laps, items] = [stint.firstLap(), stint.laps(), stint.items()];
+        return { firstLap, laps, items, bestUs: Number(stint.bestUs()) };
+      }),
     },
   };
 }

@@ -120,7 +120,18 @@ export interface TimingFrame {
   theoreticalUs: number; // sum of its best sectors, 0 until it has driven each
   lapsDown: number; // whole laps behind the leader
   gained: number; // places since the grid
+  sectorsUs: number[]; // of this lap, or of the last one until its first is through; 0 not yet
+  sectorMerits: Merit[];
   miniMerits: Merit[]; // of twenty equal parts of a lap
+  stints: StintFrame[]; // oldest first
+}
+
+/** What a kart drives until it stands or is rescued. */
+export interface StintFrame {
+  firstLap: number; // from 1
+  laps: number; // that it has finished
+  bestUs: number; // 0: none yet
+  items: number; // that it used
 }
 
 export interface StandingsFrame {

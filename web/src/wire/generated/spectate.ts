@@ -27,6 +27,7 @@ export { Rays } from './spectate/rays.js';
 export { Snapshot } from './spectate/snapshot.js';
 export { Standing } from './spectate/standing.js';
 export { Standings } from './spectate/standings.js';
+export { Stint } from './spectate/stint.js';
 export { Team } from './spectate/team.js';
 export { Telemetries } from './spectate/telemetries.js';
 export { Timing } from './spectate/timing.js';

@@ -133,8 +133,32 @@ class Timing(object):
         o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(16))
         return o == 0
 
+    # Timing
+    def Stints(self, j):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
+        if o != 0:
+            x = self._tab.Vector(o)
+            x += flatbuffers.number_types.UOffsetTFlags.py_type(j) * 24
+            from race_server.net.wire.generated.spectate.Stint import Stint
+            obj = Stint()
+            obj.Init(self._tab.Bytes, x)
+            return obj
+        return None
+
+    # Timing
+    def StintsLength(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
+        if o != 0:
+            return self._tab.VectorLen(o)
+        return 0
+
+    # Timing
+    def StintsIsNone(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(18))
+        return o == 0
+
 def TimingStart(builder):
-    builder.StartObject(7)
+    builder.StartObject(8)
 
 def Start(builder):
     TimingStart(builder)
@@ -198,6 +222,18 @@ def TimingStartMiniMeritsVector(builder, numElems):
 
 def StartMiniMeritsVector(builder, numElems):
     return TimingStartMiniMeritsVector(builder, numElems)
+
+def TimingAddStints(builder, stints):
+    builder.PrependUOffsetTRelativeSlot(7, flatbuffers.number_types.UOffsetTFlags.py_type(stints), 0)
+
+def AddStints(builder, stints):
+    TimingAddStints(builder, stints)
+
+def TimingStartStintsVector(builder, numElems):
+    return builder.StartVector(24, numElems, 8)
+
+def StartStintsVector(builder, numElems):
+    return TimingStartStintsVector(builder, numElems)
 
 def TimingEnd(builder):
     return builder.EndObject()

@@ -5,6 +5,7 @@
 import * as flatbuffers from 'flatbuffers';
 
 import { Merit } from '../codes/merit.js';
+import { Stint } from '../spectate/stint.js';
 
 
 export class Timing {
@@ -85,8 +86,18 @@ miniMeritsArray():Uint8Array|null {
   return offset ? new Uint8Array(this.bb!.bytes().buffer, this.bb!.bytes().byteOffset + this.bb!.__vector(this.bb_pos + offset), this.bb!.__vector_len(this.bb_pos + offset)) : null;
 }
 
+stints(index: number, obj?:Stint):Stint|null {
+  const offset = this.bb!.__offset(this.bb_pos, 18);
+  return offset ? (obj || new Stint()).__init(this.bb!.__vector(this.bb_pos + offset) + index * 24, this.bb!) : null;
+}
+
+stintsLength():number {
+  const offset = this.bb!.__offset(this.bb_pos, 18);
+  return offset ? this.bb!.__vector_len(this.bb_pos + offset) : 0;
+}
+
 static startTiming(builder:flatbuffers.Builder) {
-  builder.startObject(7);
+  builder.startObject(8);
 }
 
 static addIntervalUs(builder:flatbuffers.Builder, intervalUs:bigint) {
@@ -153,12 +164,20 @@ static startMiniMeritsVector(builder:flatbuffers.Builder, numElems:number) {
   builder.startVector(1, numElems, 1);
 }
 
+static addStints(builder:flatbuffers.Builder, stintsOffset:flatbuffers.Offset) {
+  builder.addFieldOffset(7, stintsOffset, 0);
+}
+
+static startStintsVector(builder:flatbuffers.Builder, numElems:number) {
+  builder.startVector(24, numElems, 8);
+}
+
 static endTiming(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   return offset;
 }
 
-static createTiming(builder:flatbuffers.Builder, intervalUs:bigint, theoreticalUs:bigint, lapsDown:number, gained:number, sectorsUsOffset:flatbuffers.Offset, sectorMeritsOffset:flatbuffers.Offset, miniMeritsOffset:flatbuffers.Offset):flatbuffers.Offset {
+static createTiming(builder:flatbuffers.Builder, intervalUs:bigint, theoreticalUs:bigint, lapsDown:number, gained:number, sectorsUsOffset:flatbuffers.Offset, sectorMeritsOffset:flatbuffers.Offset, miniMeritsOffset:flatbuffers.Offset, stintsOffset:flatbuffers.Offset):flatbuffers.Offset {
   Timing.startTiming(builder);
   Timing.addIntervalUs(builder, intervalUs);
   Timing.addTheoreticalUs(builder, theoreticalUs);
@@ -167,6 +186,7 @@ static createTiming(builder:flatbuffers.Builder, intervalUs:bigint, theoreticalU
   Timing.addSectorsUs(builder, sectorsUsOffset);
   Timing.addSectorMerits(builder, sectorMeritsOffset);
   Timing.addMiniMerits(builder, miniMeritsOffset);
+  Timing.addStints(builder, stintsOffset);
   return Timing.endTiming(builder);
 }
 }
