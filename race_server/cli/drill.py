@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson
+from race_server.cli.drill_page import page
 from race_server.cli.drill_report import finish, progress, show_drills
 from race_server.cli.options import Track, known_drivers
 from race_server.terminal import Console
@@ -14,6 +15,7 @@ from race_server.terminal import Console
 app = typer.Typer(
     help="Provoke failures and attacks in a live race, and check that the race survives them."
 )
+app.command()(page)
 
 Seed = Annotated[int, typer.Option(help="Seed of all random draws.")]
 
@@ -226,23 +228,6 @@ def load(
     with progress("racing", round(2 * 60 * minutes)) as tell:
         document = drill_load(karts, spectators, minutes, tell=tell)
     finish(document, as_json=as_json, columns=("race_server", "websockets_orjson"))
-
-
-@app.command()
-def page(
-    clients: Annotated[
-        int, typer.Option(min=1, max=1000, help="Number of browsers that watch at each gateway.")
-    ] = 100,
-    gateways: Annotated[int, typer.Option(min=1, max=8, help="Number of gateways.")] = 1,
-    minutes: Annotated[float, typer.Option(min=0.1, max=14.0, help="Minutes of racing.")] = 5.0,
-    as_json: AsJson = False,
-) -> None:
-    """Race in front of browsers, some of which misbehave."""
-    from race_server.tools.drills.page import drill_page
-
-    with progress("racing", round(60 * minutes)) as tell:
-        document = drill_page(clients, minutes, gateways=gateways, tell=tell)
-    finish(document, as_json=as_json, columns=("without", "with"))
 
 
 @app.command()

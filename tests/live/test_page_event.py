@@ -12,6 +12,7 @@ from race_server.competition.launch import free_address
 from race_server.competition.live_event import LiveEvent
 from race_server.core.driver import driver_named
 from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.live.server.warm_up import warm_up
 from race_server.logs import Log
 from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
@@ -44,15 +45,15 @@ def hold(server: RaceServer, folder: Path) -> None:
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
     address, seats = free_address(), len(DRIVERS) + 1
+    scenario = Served.scenario_for(seats)
+    warm_up(scenario, DRIVERS)  # compiled while a page waits, it would take longer than that waits
     with (
         chromium() as browser,
         local_token(address, "race") as token,
         ServerLink(address, "race", seats) as link,
         gated(address) as served,
     ):
-        server = RaceServer(
-            Session("race", Served.scenario_for(seats)), link, LOCKSTEP, token=token
-        )
+        server = RaceServer(Session("race", scenario), link, LOCKSTEP, token=token)
         thread = threading.Thread(target=hold, args=(server, tmp_path))
         thread.start()
         try:

@@ -5,8 +5,7 @@ import { fr } from '../src/i18n/fr';
 import { Course } from '../src/race/course';
 import { Ghost, chosenGhost } from '../src/race/ghost';
 import { Pace } from '../src/race/pace';
-import { nowText, podiumOf, remarksOn, saidText, secondsLeft, turnsUntil } from '../src/race/programme';
-import { outcomeText } from '../src/race/protests';
+import { nowText, podiumOf, remarksOn, secondsLeft, turnsUntil } from '../src/race/programme';
 import { EventPhase } from '../src/wire/tables';
 import type { GhostFrame, ProgrammeFrame, TeamFrame } from '../src/wire/frames';
 import { kart, roundCourse } from './frames';
@@ -115,19 +114,18 @@ test('the podium is shown once all is driven', () => {
   expect(podiumOf(programme({ teams, driven: 4 })).map(({ place }) => place)).toEqual([1, 2, 3]);
 });
 
-test('what was decided on a protest is said in the language of the reader', () => {
-  expect(outcomeText('', fr)).toBe('en attente');
-  expect(outcomeText('upheld, +60 s', en)).toBe('upheld, +60 s');
-  expect(outcomeText('disqualified', fr)).toBe('disqualification');
-});
-
-test('titles and remarks of the server are said in French, and names stay', () => {
-  expect(saidText('Heat 2, round 1, track B', fr)).toBe('Manche 2, tour 1, piste B');
-  expect(saidText('Time trial: Race Final, attempt 2', fr)).toBe(
-    'Contre-la-montre: Race Final, essai 2',
-  );
-  expect(saidText('2 m the wrong way, lap 3; +5 s protest 1', fr)).toBe(
+test('titles and remarks of the server are said in French as on its sheets, and names stay', () => {
+  const { remark, heading } = fr.event;
+  expect(heading('Heat 2, round 1, track B')).toBe('Manche 2, tour 1, piste B');
+  expect(heading('Time trial: Race Final, attempt 2')).toBe('Contre-la-montre: Race Final, essai 2');
+  expect(remark('2 m the wrong way, lap 3; +5 s protest 1')).toBe(
     '2 m à contresens, tour 3; +5 s réclamation 1',
   );
-  expect(saidText('Heat 2', en)).toBe('Heat 2');
+  expect(remark('did not start: not there 30 s after the call')).toBe(
+    "non partant : absent 30 s après l'appel",
+  );
+  expect(['open', 'upheld, +60 s', 'disqualified'].map(remark)).toEqual([
+    ...['en attente', 'acceptée, +60 s', 'disqualification'],
+  ]);
+  expect(en.event.heading('Heat 2')).toBe('Heat 2');
 });

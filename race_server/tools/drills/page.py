@@ -21,6 +21,7 @@ from race_server.tools.drills.gateway_process import start_gateway
 from race_server.tools.drills.load import LATENESS, MISSED, load_clients
 from race_server.tools.drills.raw_requests import crowd_in, smuggle
 from race_server.tools.drills.report import Finding, SmallDrill, matrix_of
+from race_server.tools.drills.router import start_router
 from race_server.tools.drills.server_process import (
     SESSION,
     server_process,
@@ -31,7 +32,10 @@ from race_server.tools.drills.watcher import RATE
 
 SMALL = SmallDrill("--clients 10 --minutes 0.1", 24, "with.missed_share")
 
-TRACK, KARTS = "covapsy-test-2023", 8
+SERVE = [
+    *("--track", "covapsy-test-2023", "--karts", "8", "--laps", "1000", "--record", "none"),
+    *("--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"),
+]
 # Baseline without browsers [s].
 CALM_S = 20.0
 WARM_UP_S = 3.0
@@ -51,23 +55,30 @@ _LATENESS = {"lateness": LATENESS}
 
 
 def drill_page(
-    clients: int, minutes: float, *, gateways: int = 1, tell: Callable[[int], None] = lambda _: None
+    clients: int,
+    minutes: float,
+    *,
+    gateways: int = 1,
+    has_router: bool = False,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Race with browsers for some minutes and return the document.
 
-    clients: at each gateway; tell: called with the seconds passed. Those that misbehave are at the
-    first gateway, where the driver is, too.
+    clients: at each gateway; has_router: between server and gateways; tell: called with the seconds
+    passed. Those that misbehave are at the first gateway, where the driver is, too.
     """
     seconds = 60.0 * min(minutes, MOST_MINUTES)
-    words = ["--track", TRACK, "--karts", str(KARTS), "--laps", "1000", "--record", "none"]
-    words += ["--fill", "pure_pursuit,follow_gap,avoider", "--wait-for", "1"]
-    with server_process(words) as place:
+    with server_process(SERVE) as place:
         place.wait_for(Phase.LOBBY)
-        ask = ["--connect", place.address, "--session", SESSION, "--drivers", "1"]
+        routers, address = [], place.address
+        if has_router:
+            router, address = start_router(place.group, place.log, address)
+            routers.append(router)
+        ask = ["--connect", address, "--session", SESSION, "--drivers", "1"]
         ask += ["--browsers", str(clients + OTHERS)]
         started = [start_gateway(place.group, place.log, *ask) for _ in range(gateways)]
-        processes, addresses = [process for process, _ in started], started[0][1]
-        base, token = addresses["base"], addresses["drive"][0].partition("token=")[2]
+        processes = [*routers, *(process for process, _ in started)]
+        base, token = started[0][1]["base"], started[0][1]["drive"][0].partition("token=")[2]
         with load_clients([_CROWD, "driver", base, token]) as (driving,):
             driving.wait_until_ready()
             place.wait_for(Phase.RUNNING)
@@ -93,9 +104,7 @@ def drill_page(
         "clients": clients,
         "minutes": round(seconds / 60.0, 2),
         "cores": os.cpu_count(),
-        "gateway_cpu": max(map(Usage.share, begun, used)),
-        "gateway_memory_start_mb": max(one.memory_mb for one in begun),
-        "gateway_memory_end_mb": max(one.memory_mb for one in used),
+        **_figures_of(begun, used, gateways),
         "snapshots_per_client_s": round(min(one["heard_mean"] for one in seen) / seconds, 2),
         "snapshots_least_s": round(min(one["heard_least"] for one in seen) / seconds, 2),
         "without": tick_times_between(before, calm, _LATENESS),
@@ -104,6 +113,17 @@ def drill_page(
     }
     findings += _judge(sum(one["still_there"] for one in seen), figures)
     return matrix_of(findings, **figures)
+
+
+def _figures_of(begun: "list[Usage]", used: "list[Usage]", gateways: int) -> dict[str, float]:
+    """Return what was used by gateways, the last of the processes, and by a router before them."""
+    shares = [*map(Usage.share, begun, used)]
+    return {
+        "gateway_cpu": max(shares[-gateways:]),
+        "router_cpu": sum(shares[:-gateways]),
+        "gateway_memory_start_mb": max(one.memory_mb for one in begun[-gateways:]),
+        "gateway_memory_end_mb": max(one.memory_mb for one in used[-gateways:]),
+    }
 
 
 class Usage:

@@ -189,15 +189,9 @@ export const en = {
     failed: 'failed',
     notClassified: 'n. c.',
     deleted: (attempt: number, lap: number, why: string) => `A${attempt} lap ${lap} deleted: ${why}`,
-    faults: {
-      'touched a border': 'touched a border',
-      'left the course': 'left the course',
-      'was rescued': 'was rescued',
-      'was not seen for a while': 'was not seen for a while',
-    } as Record<string, string>,
-    gate: (number: string) => `left out gate ${number}`,
-    // What the server says in English, as patterns and texts.
-    said: [] as [RegExp, string][],
+    // Of what the server says in English.
+    remark: (text: string) => text,
+    heading: (text: string) => text,
     podium: 'Podium',
     yourTurn: 'It is your turn',
     onTrack: (who: string) => `On track: ${who}`,
@@ -214,12 +208,6 @@ export const en = {
     lodged: 'Protest lodged. The stewards decide.',
     about: (by: string, against: string, title: string) => `${by} against ${against}, ${title}`,
     stewards: 'Stewards',
-    open: 'open',
-    outcomes: {
-      upheld: 'upheld',
-      dismissed: 'dismissed',
-      disqualified: 'disqualified',
-    } as Record<string, string>,
     uphold: (seconds: number) => `Uphold, +${seconds} s`,
     dismiss: 'Dismiss',
     disqualify: 'Disqualify',

@@ -1,5 +1,6 @@
 // All texts of the page, in French.
 
+import { remarkInFrench, headingInFrench } from './said';
 import type { Words } from './en';
 
 export const fr: Words = {
@@ -186,34 +187,8 @@ export const fr: Words = {
     failed: 'échec',
     notClassified: 'n. c.',
     deleted: (attempt: number, lap: number, why: string) => `E${attempt} tour ${lap} annulé : ${why}`,
-    faults: {
-      'touched a border': 'bordure touchée',
-      'left the course': 'sortie de piste',
-      'was rescued': 'secouru',
-      'was not seen for a while': 'perdu de vue un moment',
-    } as Record<string, string>,
-    gate: (number: string) => `porte ${number} manquée`,
-    said: [
-      [/^Time trial\b/, 'Contre-la-montre'],
-      [/^Heat\b/, 'Manche'],
-      [/^Final\b/, 'Finale'],
-      [/^Race\b/, 'Course'],
-      [/, attempt (\d+)$/, ', essai $1'],
-      [/, round (\d+)/, ', tour $1'],
-      [/, track (\w+)$/, ', piste $1'],
-      [/^(\S+) m the wrong way/, '$1 m à contresens'],
-      [/^stood for (\S+) s/, 'arrêt de $1 s'],
-      [/^rammed others (\d+) times/, '$1 percussions'],
-      [/^out of time/, 'hors délai'],
-      [/^withdrew/, 'retrait'],
-      [/^did not start: not there (\S+) s after the call/, "absent $1 s après l'appel"],
-      [/^removed by the stewards: /, 'retiré par les commissaires : '],
-      [/^disqualified: /, 'disqualifié : '],
-      [/^(\+\S+ s) protest (\d+)/, '$1 réclamation $2'],
-      [/^(\+\S+ s) penalty/, '$1 pénalité'],
-      [/^(\+\S+ s) false start/, '$1 faux départ'],
-      [/, lap (\d+)$/, ', tour $1'],
-    ],
+    remark: remarkInFrench,
+    heading: headingInFrench,
     podium: 'Podium',
     yourTurn: 'À vous',
     onTrack: (who: string) => `En piste : ${who}`,
@@ -231,8 +206,6 @@ export const fr: Words = {
     lodged: 'Réclamation déposée. Les commissaires décident.',
     about: (by, against, title) => `${by} contre ${against}, ${title}`,
     stewards: 'Commissaires',
-    open: 'en attente',
-    outcomes: { upheld: 'acceptée', dismissed: 'rejetée', disqualified: 'disqualification' },
     uphold: (seconds) => `Accepter, +${seconds} s`,
     dismiss: 'Rejeter',
     disqualify: 'Disqualifier',

@@ -21,17 +21,9 @@ export function callOf(programme: ProgrammeFrame | null): string {
 /** Returns what is called, driven, or was driven last, in the reader's language. */
 export function nowText(programme: ProgrammeFrame, words: Words): string {
   const team = aloneOn(programme);
-  if (!team) return saidText(programme.now?.title ?? '', words);
+  if (!team) return words.event.heading(programme.now?.title ?? '');
   const attempt = words.event.attempt(team.attemptsUs.length + 1, programme.attempts);
-  return `${saidText(programme.stage, words)}, ${attempt}`;
-}
-
-/** Returns a title or a remark of the server in the reader's language; names stay as they are. */
-export function saidText(text: string, words: Words): string {
-  return text
-    .split('; ')
-    .map((part) => words.event.said.reduce((said, [from, to]) => said.replace(from, to), part))
-    .join('; ');
+  return `${words.event.heading(programme.stage)}, ${attempt}`;
 }
 
 /** Returns for how many seconds the call, the review or the attempt goes on, NaN without a limit. */
@@ -55,17 +47,13 @@ export function turnsUntil(programme: ProgrammeFrame, seat: number): number {
 
 /** Returns why a lap does not count, in the reader's language. */
 export function deletedText(lap: DeletedLapFrame, words: Words): string {
-  const { deleted, faults, gate } = words.event;
-  const why = lap.why.split(', ').map((part) => {
-    const number = /^left out gate (\d+)$/.exec(part)?.[1];
-    return number ? gate(number) : (faults[part] ?? part);
-  });
-  return deleted(lap.attempt, lap.lap, why.join(', '));
+  const { deleted, remark } = words.event;
+  return deleted(lap.attempt, lap.lap, lap.why.split(', ').map(remark).join(', '));
 }
 
 /** Returns the remarks on a team: its laps that do not count, and how its last race ended. */
 export function remarksOn(team: TeamFrame, words: Words): string {
-  return [...team.deleted.map((lap) => deletedText(lap, words)), saidText(team.remark, words)]
+  return [...team.deleted.map((lap) => deletedText(lap, words)), words.event.remark(team.remark)]
     .filter(Boolean)
     .join(' · ');
 }
