@@ -4,6 +4,8 @@ import pytest
 
 from race_server.core.messages import Button, Control, EventKind, Phase, Status
 from race_server.errors import ScenarioError, SeatError, WireError
+from race_server.live.server.publisher import snapshot_of
+from race_server.scenario.track.load import load_course
 from race_server.session import Session
 from race_server.session.failsafe import (
     AWAY_TICKS,
@@ -270,3 +272,13 @@ def test_more_karts_than_places_on_the_grid_are_refused() -> None:
 def test_an_unknown_contact_policy_is_refused() -> None:
     with pytest.raises(ScenarioError, match="'explode' is unknown; choose one of bump"):
         session_on_ring("test", wall_contact="explode")
+
+
+@pytest.mark.parametrize(("items", "ready"), [(True, [1] * 6), (False, [0] * 6)])
+def test_spectators_see_no_item_box_ready_in_a_race_without_items(
+    items: bool, ready: list[int]
+) -> None:
+    session = session_on_ring("test", course=load_course("oval"), items=items)
+    session.join("me", "track")
+    session.start()
+    assert snapshot_of(session).boxes.tolist() == ready

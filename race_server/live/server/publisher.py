@@ -5,11 +5,12 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from race_server.core import codes
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
 from race_server.core.messages import Event, Flag, KartFlag, PoseFault, Trust
-from race_server.core.state import EFFECTS, Floats, field_of
+from race_server.core.state import EFFECTS, Floats, World, field_of
 from race_server.live.server.hud import hud_of, huds_of, lights_s
 from race_server.live.server.lot import lot_of, order_frame_of, walkers_of
 from race_server.live.server.trailers import trailers_of
@@ -212,6 +213,12 @@ class Publisher:
             sink.publish(topic, payload)
 
 
+def _ready_boxes(world: World, tick: int) -> NDArray[np.uint8]:
+    """Return 1 for each item box that is ready; none is where the rules have no items."""
+    ready = world.boxes["ready_tick"][0] <= tick
+    return (ready & bool(world.rules["items"][0])).astype(np.uint8)
+
+
 def snapshot_of(session: Session) -> SnapshotFrame:
     """Return the race as spectators see it now."""
     world, tick = session.world, session.tick
@@ -249,7 +256,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
         phase=session.phase,
         flag=Flag(int(race.flag)),
         karts=karts[bodies["status"] != codes.ABSENT],
-        boxes=(world.boxes["ready_tick"][0] <= tick).astype(np.uint8),
+        boxes=_ready_boxes(world, tick),
         hazards=hazards,
         walkers=walkers_of(session),
         trailers=trailers_of(session),

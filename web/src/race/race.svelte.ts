@@ -172,9 +172,14 @@ export class Race {
     return this.buffer.newest?.karts.find((kart) => kart.seat === seat) ?? null;
   }
 
+  /** Whether there is a ghost to choose in the race that is on. */
+  get hasGhosts(): boolean {
+    return this.ghostEpoch === this.epoch && this.ghosts.length > 0;
+  }
+
   /** The ghost of the race that is on, as chosen. */
   get ghost(): Ghost | null {
-    return this.ghostEpoch === this.epoch ? chosenGhost(this.ghosts, this.ghostChoice) : null;
+    return this.hasGhosts ? chosenGhost(this.ghosts, this.ghostChoice) : null;
   }
 
   /** Returns a snapshot with the ghost beside the kart that drives alone. */
