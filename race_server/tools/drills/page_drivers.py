@@ -73,9 +73,9 @@ class KeyDriver:
         before, self.state = self.state, self.page.evaluate(_STATE)
         kart, phase = self.state["kart"], self.state["phase"]
         if phase == Phase.RUNNING and kart is not None:
-            if before.get("phase") != phase:
+            if before.get("phase") != phase or not self._way:
                 self._way = self.page.evaluate(_WAY)
-            self.press(keys_for(kart, self._way))
+            self.press(keys_for(kart, self._way) if self._way else set())
             return
         self.press(set())
         if phase == Phase.LOBBY and self.state["canBeReady"]:
