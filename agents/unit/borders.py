@@ -84,24 +84,42 @@ class Borders:
             away[box][nearer], nearest[box][nearer] = far[nearer], number
         return cls(normals, (normals * starts).sum(axis=1), low, nearest)
 
-    def sighting(self, echoes: Echoes, state: Floats) -> Sighting | None:
-        """Return what a scan shows of the borders, if the kart is about where a state says."""
+    def sighting(self, echoes: "BorderEchoes", state: Floats) -> Sighting | None:
+        """Return the borders that echoes are of, if the kart is about where a state says."""
+        x, y = _placed(echoes.ahead, echoes.left, state)
+        rows, columns = self.nearest.shape
+        # The outermost cells are far from all borders.
+        row = np.clip((y - self.low[1]) / CELL, 0.0, rows - 1.0).astype(int)
+        column = np.clip((x - self.low[0]) / CELL, 0.0, columns - 1.0).astype(int)
+        which = self.nearest[row, column]
+        ahead, left, deviations = echoes.ahead, echoes.left, echoes.deviations
+        kept = which >= 0
+        if not kept.all():
+            if not kept.any():
+                return None
+            ahead, left, deviations = ahead[kept], left[kept], deviations[kept]
+            which = which[kept]
+        return Sighting(ahead, left, self.normals[which], self.offsets[which], deviations)
+
+
+@dataclass(frozen=True, eq=False)
+class BorderEchoes:
+    """Those echoes of a scan that are used."""
+
+    ahead: Floats  # (n,) [m] of the rear axle
+    left: Floats  # (n,) [m]
+    deviations: Floats  # (n,) [m]
+
+    @classmethod
+    def of(cls, echoes: Echoes) -> Self | None:
+        """Return the echoes of borders in a scan, None where there is none."""
         at = np.flatnonzero(echoes.kinds == codes.BORDER)
+        if len(at) == 0:
+            return None
         if len(at) > MOST_ECHOES:
             at = at[np.linspace(0, len(at) - 1, MOST_ECHOES).astype(int)]
         ahead, left = echoes.x[at], echoes.y[at]
-        x, y = _placed(ahead, left, state)
-        column = np.floor((x - self.low[0]) / CELL).astype(int)
-        row = np.floor((y - self.low[1]) / CELL).astype(int)
-        rows, columns = self.nearest.shape
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        which = self.nearest[np.where(inside, row, 0), np.where(inside, column, 0)]
-        kept = inside & (which >= 0)
-        if not kept.any():
-            return None
-        ahead, left, which = ahead[kept], left[kept], which[kept]
-        deviations = np.hypot(DEVIATION, BEARING * np.hypot(ahead, left))
-        return Sighting(ahead, left, self.normals[which], self.offsets[which], deviations)
+        return cls(ahead, left, np.hypot(DEVIATION, BEARING * np.hypot(ahead, left)))
 
 
 def _placed(ahead: Floats, left: Floats, state: Floats) -> tuple[Floats, Floats]:

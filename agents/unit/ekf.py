@@ -19,6 +19,7 @@ from race_agents.unit.motion import (
     COMPLIANCE,
     DELAY,
     HEADING,
+    PLACE,
     SCALE,
     SIZE,
     SLIDE,
@@ -211,10 +212,15 @@ class KartFilter:
             return False  # over the beacon a range has no direction
         row = (away / far) @ antenna_jacobian(self.state, self._lever)
         residual = distance - far
-        if not self._weigh("range", row, residual, deviation):
+        spread = float(row @ self.covariance @ row)
+        off = abs(residual) / math.sqrt(spread + deviation**2)
+        self.squares["range"] = off * off
+        if off > FARTHEST:
             self._doubt("range", np.array([residual]), row[None], MOST_RANGES_REFUSED)
             return False
         self._refused["range"] = 0
+        weight = min(1.0, HUBER / max(off, 1e-9))
+        self._correct(row, residual, deviation**2 / weight)
         return True
 
     def see_borders(self, seen: Sighting) -> bool:
@@ -222,35 +228,32 @@ class KartFilter:
 
         A kart that may be metres away cannot tell which border it sees: such an echo says nothing.
         """
-        believed, told = 0, 0
-        for number, deviation in enumerate(seen.deviations.tolist()):
-            row = np.zeros(SIZE)
-            row[[X, Y, HEADING]] = seen.rows(self.state)[number]
-            if float(row @ self.covariance @ row) < AMBIGUOUS**2:
-                residual = float(seen.residuals(self.state)[number])
-                believed += self._weigh("border", row, residual, deviation)
-                told += 1
-        if 2 * told < len(seen.offsets):
+        rows, residuals = seen.rows(self.state), seen.residuals(self.state)
+        variances, place = seen.deviations**2, self.covariance[:PLACE, :PLACE]
+        spread = ((rows @ place) * rows).sum(axis=1)
+        told = spread < AMBIGUOUS**2
+        count = np.count_nonzero(told)
+        if 2 * count < len(rows):
             self._seen = None
             return True
         self._seen, self._seen_s = seen, 0.0
-        if 2 * believed >= told:
-            self._refused["border"] = 0
-            return True
-        rows = np.zeros((len(seen.offsets), SIZE))
-        rows[:, [X, Y, HEADING]] = seen.rows(self.state)
-        residuals = np.clip(seen.residuals(self.state), -DOUBT, DOUBT) / math.sqrt(len(rows))
-        self._doubt("border", residuals, rows, MOST_SCANS_REFUSED)
-        return False
-
-    def _weigh(self, sensor: str, row: Floats, residual: float, deviation: float) -> bool:
-        """Take one number by how far it is off (Huber); False if it is refused."""
-        spread = float(row @ self.covariance @ row)
-        off = abs(residual) / math.sqrt(spread + deviation**2)
-        self.squares[sensor] = off * off
-        if off > FARTHEST:
+        squares = residuals * residuals / (spread + variances)
+        self.squares["border"] = float(squares.sum()) / len(rows)
+        believed = told & (squares <= FARTHEST**2)
+        if 2 * np.count_nonzero(believed) < count:
+            doubted = np.zeros((len(rows), SIZE))
+            doubted[:, :PLACE] = rows
+            doubt = np.clip(residuals, -DOUBT, DOUBT) / math.sqrt(len(rows))
+            self._doubt("border", doubt, doubted, MOST_SCANS_REFUSED)
             return False
-        self._correct(row, residual, deviation**2 * max(1.0, off / HUBER))
+        self._refused["border"] = 0
+        weighed = rows.T * (believed / (variances * np.maximum(np.sqrt(squares) / HUBER, 1.0)))
+        known = weighed @ rows
+        gain = self.covariance[:, :PLACE] @ np.linalg.inv(np.eye(PLACE) + known @ place)
+        self.state = self.state + gain @ (weighed @ residuals)
+        self.state[HEADING] = wrap(float(self.state[HEADING]))
+        covariance = self.covariance - gain @ known @ self.covariance[:PLACE]
+        self.covariance = 0.5 * (covariance + covariance.T)
         return True
 
     def _belie(self, shift: Floats) -> bool:
@@ -377,7 +380,7 @@ class KartFilter:
             slope = slope.copy()
             slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
             self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
-            if sensor in {"position", "range", "border"}:
+            if sensor in {"position", "range"}:
                 doubts = np.zeros(SIZE)
                 doubts[[HEADING, SLIDE]] = ROUGH, UNNOTICED
                 self.covariance = self.covariance + np.diag(doubts)

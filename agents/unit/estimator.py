@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_agents.unit.borders import Borders
+from race_agents.unit.borders import BorderEchoes, Borders
 from race_agents.unit.ekf import FARTHEST, KartFilter
 from race_agents.unit.gyro_check import GyroCheck
 from race_agents.unit.inertial import Inertial
@@ -26,6 +26,8 @@ BLOW = 1.3
 JITTER_S = 0.01
 # A gyro that was found to be off is shown as refused for this long [s].
 SHOWN_S = 2.0
+# Borders are looked at no more often than this [s].
+LOOKS_S = 0.09
 # A stamp is never of the future, nor older than this [s]: one clock was set, and it tells nothing.
 MOST_AGE_S = 0.65
 
@@ -64,6 +66,7 @@ class Estimator:
         self._gyro, self._gyro_off_s = GyroCheck(vehicle), -math.inf
         self._gyro_found: float | None = None  # [rad/s], until borders are seen
         self._gyro_found_s = 0.0
+        self._looked_s = -math.inf  # at borders
         self._vehicle, self._borders = vehicle, borders
         self._time_s, self._rate = time_s, 0.0
 
@@ -97,6 +100,7 @@ class Estimator:
         if not math.isnan(speed + readings.yaw_rate):
             self.inertial.watch(speed, readings.yaw_rate, felt, now_s)
         rate, deviation = self._turning(readings)
+        seen = self._seen_borders(readings)
         return Tick(
             begins_s=now_s - dt,
             ends_s=now_s,
@@ -105,13 +109,21 @@ class Estimator:
             wheel=wheel,
             felt=self._at_rear(felt, self._rate if rate is None else rate, dt),
             blow=self.blow(felt),
-            gyro_off=self._gyro_off(readings, dt),
+            gyro_off=self._gyro_off(readings, seen, dt),
             rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < 0.5,
             beacons=readings.beacons,
-            echoes=readings.echoes,
+            borders=seen,
         )
 
-    def _gyro_off(self, readings: Readings, dt: float) -> float | None:
+    def _seen_borders(self, readings: Readings) -> BorderEchoes | None:
+        """Return what is used of a scan: not of each, for the filter's past is driven again."""
+        is_due = not 0.0 <= readings.time_s - self._looked_s < LOOKS_S
+        if self._borders is None or readings.echoes is None or not is_due:
+            return None
+        self._looked_s = readings.time_s
+        return BorderEchoes.of(readings.echoes)
+
+    def _gyro_off(self, readings: Readings, seen: BorderEchoes | None, dt: float) -> float | None:
         """Return what the gyro tells too much [rad/s], None if it is right, or nobody knows.
 
         Wheels and accelerometer say the same of a kart that spins on ice. Borders do not: they lie
@@ -122,16 +134,16 @@ class Estimator:
         if found is not None:
             self._gyro_found, self._gyro_found_s = found, readings.time_s
         found = self._gyro_found
-        if found is None or readings.echoes is None or self._borders is None:
+        if found is None or seen is None or self._borders is None:
             return None
         self._gyro_found = None
-        seen = self._borders.sighting(readings.echoes, self.state)
-        if seen is None:
+        sighting = self._borders.sighting(seen, self.state)
+        if sighting is None:
             return None
         # What has been put right of the heading already is not known, so half of it is tried.
         back = self.state.copy()
         back[HEADING] -= 0.5 * found * (readings.time_s - self._gyro_found_s + LATE_S)
-        here, there = (np.median(np.abs(seen.residuals(at))) for at in (self.state, back))
+        here, there = (np.median(np.abs(sighting.residuals(at))) for at in (self.state, back))
         if there > here:
             return None
         self._gyro_off_s = readings.time_s

@@ -9,11 +9,10 @@ from bisect import insort
 from collections import deque
 from dataclasses import dataclass, field
 
-from race_agents.unit.borders import Borders
+from race_agents.unit.borders import BorderEchoes, Borders
 from race_agents.unit.ekf import KartFilter, Snapshot
 from race_agents.unit.motion import SLIDE, SPEED, YAW_RATE
 from race_agents.unit.readings import Fix, Range
-from race_agents.unit.safety import Echoes
 from race_agents.unit.tyres import Tyres
 
 HORIZON_S = 0.7
@@ -35,7 +34,7 @@ class Tick:
     gyro_off: float | None = None  # [rad/s] that the gyro tells too much, as others show
     rests: bool = False
     beacons: tuple[Range, ...] = ()
-    echoes: Echoes | None = None
+    borders: BorderEchoes | None = None
 
     def push(self, filtered: KartFilter, lever: float) -> tuple[float, float] | None:
         """Return how the speeds of the rear axle change [m/s²], ahead and to the left."""
@@ -131,9 +130,9 @@ class Timeline:
             filtered.see_rest()
         for beacon in tick.beacons:
             filtered.see_range(beacon.x, beacon.y, beacon.distance, beacon.deviation)
-        if tick.echoes is not None and self._borders is not None:
+        if tick.borders is not None and self._borders is not None:
             # Which border an echo is of follows from where the kart is taken to be by now.
-            seen = self._borders.sighting(tick.echoes, filtered.state)
+            seen = self._borders.sighting(tick.borders, filtered.state)
             if seen is not None:
                 filtered.see_borders(seen)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from race_agents.unit.borders import Borders
+from race_agents.unit.borders import BorderEchoes, Borders, Sighting
 from race_agents.unit.ekf import KartFilter
 from race_agents.unit.gyro_check import GyroCheck
 from race_agents.unit.motion import SIZE, drive_on
@@ -36,9 +36,14 @@ def walls_seen(state: np.ndarray, bearings: tuple[float, ...] = (-50, -30, 30, 5
     return Echoes(far * np.cos(ways), far * np.sin(ways), np.zeros(len(far)), kinds)
 
 
+def seen_from(echoes: Echoes, state: np.ndarray) -> Sighting | None:
+    used = BorderEchoes.of(echoes)
+    return None if used is None else BORDERS.sighting(used, state)
+
+
 def test_an_echo_of_a_wall_lies_on_the_wall_if_the_kart_is_where_it_is() -> None:
     truth = at(50.0, 1.0, 0.1)
-    seen = BORDERS.sighting(walls_seen(truth), truth)
+    seen = seen_from(walls_seen(truth), truth)
     assert seen is not None
     assert seen.residuals(truth) == pytest.approx(np.zeros(4), abs=1e-9)
     # A kart that is a metre farther south sees both walls a metre farther south.
@@ -48,7 +53,7 @@ def test_an_echo_of_a_wall_lies_on_the_wall_if_the_kart_is_where_it_is() -> None
 
 def test_rows_are_the_derivatives_of_residuals() -> None:
     state = at(50.0, 0.7, 0.2)
-    seen = BORDERS.sighting(walls_seen(at(50.3, 0.9, 0.25)), state)
+    seen = seen_from(walls_seen(at(50.3, 0.9, 0.25)), state)
     assert seen is not None
     for column in range(3):
         ahead, behind = state.copy(), state.copy()
@@ -62,9 +67,9 @@ def test_what_is_no_border_or_far_from_all_of_them_is_not_used() -> None:
     truth = at(50.0, 0.0)
     echoes = walls_seen(truth)
     people = Echoes(echoes.x, echoes.y, echoes.closing, np.full(4, codes.PERSON, np.uint8))
-    assert BORDERS.sighting(people, truth) is None
-    assert BORDERS.sighting(echoes, at(50.0, 40.0)) is None
-    assert BORDERS.sighting(Echoes.nothing(), truth) is None
+    assert seen_from(people, truth) is None
+    assert seen_from(echoes, at(50.0, 40.0)) is None
+    assert seen_from(Echoes.nothing(), truth) is None
 
 
 def off_after(seconds: float, *, looks: bool, fix_at: tuple[float, float] | None = None) -> float:
@@ -81,7 +86,7 @@ def off_after(seconds: float, *, looks: bool, fix_at: tuple[float, float] | None
         filtered.see_speed(10.0, 0.05)
         filtered.see_yaw_rate(0.01, 0.012)
         if looks and turn % 5 == 0:
-            seen = BORDERS.sighting(walls_seen(truth), filtered.state)
+            seen = seen_from(walls_seen(truth), filtered.state)
             assert seen is not None
             filtered.see_borders(seen)
         if fix_at is not None and turn % 5 == 2:
@@ -107,7 +112,7 @@ def test_a_place_that_all_borders_contradict_is_doubted() -> None:
     filtered.covariance[:3, :3] = np.diag([1e-3, 1e-3, 1e-4])
     believed = []
     for _ in range(30):
-        seen = BORDERS.sighting(walls_seen(at(50.0, -1.2)), filtered.state)
+        seen = seen_from(walls_seen(at(50.0, -1.2)), filtered.state)
         assert seen is not None
         believed.append(filtered.see_borders(seen))
     assert not any(believed[:10])
