@@ -22,6 +22,8 @@ REACH = 4.0
 MOST_ECHOES = 8
 # Deviation [m] of an echo from the border of the map, and as a share of its range: the bearing's.
 DEVIATION, BEARING = 0.4, 0.015
+# How far off [m] borders are in the middle at least if a kart is not where it is said to be.
+ELSEWHERE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,12 @@ class Sighting:
         """Return how far [m] the echoes lie from their lines, seen from a state, (n,)."""
         x, y = _placed(self.ahead, self.left, state)
         return np.asarray(self.offsets - self.normals[:, 0] * x - self.normals[:, 1] * y)
+
+    def belies(self, state: Floats, shift: Floats) -> bool:
+        """Return whether the borders lie elsewhere if the kart is `shift` (2,) [m] from a state."""
+        here = self.residuals(state)
+        there = float(np.median(np.abs(here - self.normals @ shift)))
+        return there > max(ELSEWHERE, 2.0 * float(np.median(np.abs(here))))
 
     def rows(self, state: Floats) -> Floats:
         """Return the derivatives by place and heading of what `residuals` takes off, (n, 3)."""

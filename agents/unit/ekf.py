@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from race_agents.unit.borders import Sighting
+from race_agents.unit.corrected import ROUGH, Corrected
 from race_agents.unit.motion import (
     BIAS,
     COMPLIANCE,
@@ -39,12 +40,8 @@ from race_agents.unit.motion import (
     wrap,
 )
 
-# 99.9 % of all honest readings of one and of two numbers pass these squares.
-GATE_ONE, GATE_TWO = 10.83, 13.82
 # 95 % of all slides of tyres that hold pass this square; the others are slides.
 PLAIN = 3.84
-# After this many readings of a sensor refused in a row: the filter is wrong, not they.
-MOST_REFUSED = 5
 # Fixes are rare: this many take a third of a second, in which a kart can be carried metres away.
 MOST_FIXES_REFUSED = 3
 # But nothing carries a kart whose accelerometer felt no blow for this long [s]: then rather they
@@ -53,8 +50,8 @@ CALM_S, MOST_REFUSED_CALM = 2.0, 25
 # Ranges come from many beacons: only when all are refused for a while is the place doubted.
 MOST_RANGES_REFUSED = 25
 # Scans in a row that show the borders elsewhere, until the place is doubted; for how long [s] a
-# scan tells whether a fix can be right; how far off [m] borders are at least if it is not.
-MOST_SCANS_REFUSED, SEEN_S, ELSEWHERE = 10, 0.5, 0.6
+# scan tells whether a fix can be right.
+MOST_SCANS_REFUSED, SEEN_S = 10, 0.5
 # … and the deviation [m] of the place across a border from which on it may be another one.
 # A contradiction leaves no more doubt than this [m].
 AMBIGUOUS, DOUBT = 1.5, 1.2
@@ -66,9 +63,6 @@ PAUSE_S = 0.25
 BRAKES = 7.0
 # A kart that slides keeps its direction for about this time [s].
 SLIDE_S = 0.1
-# Variances of a heading that is known to about 20 degrees [rad²], and of a slide [m²/s²] that was
-# not noticed.
-ROUGH, UNNOTICED = 0.15, 4.0
 # Deviations at the start: wheels' scale, compliance as a share, delay [s].
 SCALE_DEVIATION, COMPLIANCE_SHARE, DELAY_DEVIATION = 0.03, 0.2, 0.08
 MOST_DELAY_S = 0.6
@@ -78,7 +72,7 @@ USUAL_DELAY_S = 0.1
 Snapshot = tuple[Floats, Floats, dict[str, int], float, Sighting | None, float]
 
 
-class KartFilter:
+class KartFilter(Corrected):
     """The filter. `predict` to the time of a reading, then hand in the reading."""
 
     def __init__(
@@ -102,18 +96,16 @@ class KartFilter:
         # Tyres that are not said to slip do not soften either.
         self._agility = agility if compliance else replace(agility, compliance_drift=0.0)
         back_x, back_y = x - lever * math.cos(heading), y - lever * math.sin(heading)
-        self.state: Floats = np.zeros(SIZE)
+        super().__init__()
         self.state[[X, Y, HEADING]] = back_x, back_y, heading
         self.state[[COMPLIANCE, DELAY]] = compliance, USUAL_DELAY_S
         rough = ROUGH if heading_deviation is None else heading_deviation**2
-        self.covariance: Floats = np.diag(
+        self.covariance = np.diag(
             [
                 *(1.0, 1.0, rough, 0.25, 0.25, 2.5e-3, 0.01),
                 *(SCALE_DEVIATION**2, (COMPLIANCE_SHARE * compliance) ** 2, DELAY_DEVIATION**2),
             ]
         )
-        self.squares: dict[str, float] = {}
-        self._refused: dict[str, int] = {}  # readings in a row that were not believed
         self._calm_s = 0.0  # since the last blow
         self._seen: Sighting | None = None  # of the borders, the last one
         self._seen_s = 0.0  # ago
@@ -190,14 +182,23 @@ class KartFilter:
             slope[:, DELAY] = -velocity
         if jitter > 0.0:
             noise += jitter**2 * np.outer(velocity, velocity)
-        return self._update("position", residual, slope, noise)
+        return self._update("position", residual, slope, noise, self._most_refused(residual))
+
+    def _most_refused(self, shift: Floats) -> int | None:
+        """Return how many fixes `shift` (2,) [m] from here are refused before one is believed."""
+        if self._calm_s <= CALM_S:
+            return MOST_FIXES_REFUSED
+        seen = self._seen
+        is_here = seen is not None and self._seen_s <= SEEN_S and seen.belies(self.state, shift)
+        return None if is_here else MOST_REFUSED_CALM
 
     def see_velocity(self, speed: float, course: float, deviation: float) -> bool:
         """Take speed and course over the ground of the antenna; False if they were not believed."""
         told = np.array([speed * math.cos(course), speed * math.sin(course)])
         residual = told - velocity_of(self.state, self._lever)
         slope = velocity_jacobian(self.state, self._lever)
-        return self._update("velocity", residual, slope, np.eye(2) * deviation**2)
+        noise = np.eye(2) * deviation**2
+        return self._update("velocity", residual, slope, noise, MOST_FIXES_REFUSED)
 
     def see_range(self, x: float, y: float, distance: float, deviation: float) -> bool:
         """Take a distance to a beacon at (x, y); False if it was not believed.
@@ -256,14 +257,6 @@ class KartFilter:
         self.covariance = 0.5 * (covariance + covariance.T)
         return True
 
-    def _belie(self, shift: Floats) -> bool:
-        """Return whether the borders lie elsewhere if the kart is `shift` (2,) [m] from here."""
-        if self._seen is None or self._seen_s > SEEN_S:
-            return False
-        here = self._seen.residuals(self.state)
-        there = float(np.median(np.abs(here - self._seen.normals @ shift)))
-        return there > max(ELSEWHERE, 2.0 * float(np.median(np.abs(here))))
-
     def see_heading(self, heading: float, deviation: float) -> bool:
         """Take the heading of two antennas; False if it was not believed.
 
@@ -319,71 +312,6 @@ class KartFilter:
         """Take it that the kart stands: no speed, no turn, no slide."""
         for column, deviation in ((SPEED, 0.01), (YAW_RATE, 1e-3), (SLIDE, 0.01)):
             self._correct(_unit_row(column), -float(self.state[column]), deviation**2)
-
-    def _see_one(
-        self,
-        sensor: str,
-        residual: float,
-        row: Floats,
-        deviation: float,
-        most: int | None = MOST_REFUSED,
-    ) -> bool:
-        """Take one number. most: readings refused in a row before the state is doubted."""
-        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
-        self.squares[sensor] = square
-        if square > GATE_ONE:
-            if most is not None:
-                self._doubt(sensor, np.array([residual]), row[None], most)
-            return False
-        self._refused[sensor] = 0
-        self._correct(row, residual, deviation**2)
-        return True
-
-    def _correct(self, row: Floats, residual: float, variance: float) -> None:
-        """Correct state and covariance by one number."""
-        shared = self.covariance @ row
-        gain = shared / (float(row @ shared) + variance)
-        state = self.state + gain * residual
-        state[HEADING] = wrap(float(state[HEADING]))
-        self.state = state
-        self.covariance = self.covariance - gain[:, None] * shared
-
-    def _update(self, sensor: str, residual: Floats, slope: Floats, noise: Floats) -> bool:
-        """Take two numbers at once; False if they were not believed."""
-        spread = slope @ self.covariance @ slope.T + noise
-        inverse = np.linalg.inv(spread)
-        self.squares[sensor] = float(residual @ inverse @ residual)
-        if self.squares[sensor] > GATE_TWO:
-            is_calm = self._calm_s > CALM_S and sensor == "position"
-            if not (is_calm and self._belie(residual)):
-                most = MOST_REFUSED_CALM if is_calm else MOST_FIXES_REFUSED
-                self._doubt(sensor, residual, slope, most)
-            return False
-        self._refused[sensor] = 0
-        gain = self.covariance @ slope.T @ inverse
-        self.state = self.state + gain @ residual
-        self.state[HEADING] = wrap(float(self.state[HEADING]))
-        keep = np.eye(SIZE) - gain @ slope
-        self.covariance = keep @ self.covariance @ keep.T + gain @ noise @ gain.T
-        return True
-
-    def _doubt(self, sensor: str, residual: Floats, slope: Floats, most: int) -> None:
-        """Count a refusal; after too many in a row doubt the state by as much as it misses.
-
-        But not what drifts and never jumps (bias, scale, compliance, delay). A filter with a wrong
-        position has a wrong heading too, by an unknown amount: it must not be made to explain the
-        position.
-        """
-        self._refused[sensor] = self._refused.get(sensor, 0) + 1
-        if self._refused[sensor] > most:
-            self._refused[sensor] = 0
-            slope = slope.copy()
-            slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
-            self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
-            if sensor in {"position", "range"}:
-                doubts = np.zeros(SIZE)
-                doubts[[HEADING, SLIDE]] = ROUGH, UNNOTICED
-                self.covariance = self.covariance + np.diag(doubts)
 
     @property
     def delay_s(self) -> float:

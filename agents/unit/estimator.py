@@ -124,7 +124,7 @@ class Estimator:
         return BorderEchoes.of(readings.echoes)
 
     def _gyro_off(self, readings: Readings, seen: BorderEchoes | None, dt: float) -> float | None:
-        """Return what the gyro tells too much [rad/s], None if it is right, or nobody knows.
+        """Return what the gyro tells too much [rad/s], None if it is right or cannot be judged.
 
         Wheels and accelerometer say the same of a kart that spins on ice. Borders do not: they lie
         where they were only if the kart has not turned.

@@ -64,7 +64,7 @@ class LotFence:
 
     @property
     def borders(self) -> None:
-        """None: who stands in a car park is not on its map."""
+        """None: parked vehicles are not on the map of a car park."""
 
     def beyond(self, x: float, y: float) -> float:
         """Return how far outside the area a point lies [m], negative inside."""

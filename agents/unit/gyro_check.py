@@ -39,7 +39,7 @@ class GyroCheck:
         speed: float,
         dt: float,
     ) -> float | None:
-        """Return what the gyro tells too much [rad/s], None if it is right, or nobody knows.
+        """Return what the gyro tells too much [rad/s], None if it is right or cannot be judged.
 
         turn: [rad/s] as it is told, less the bias that is known; steering: [rad]; felt: [m/s²]
         ahead and to the left; NaN or None where a sensor has nothing; speed: [m/s]; dt: [s].

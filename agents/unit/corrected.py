@@ -1,0 +1,105 @@
+"""A state and how sure it is, corrected by readings that pass a gate.
+
+Readings that are refused again and again raise doubt in the state itself.
+"""
+
+import numpy as np
+
+from race_agents.unit.motion import (
+    BIAS,
+    COMPLIANCE,
+    DELAY,
+    HEADING,
+    SCALE,
+    SIZE,
+    SLIDE,
+    Floats,
+    wrap,
+)
+
+# 99.9 % of all honest readings of one and of two numbers pass these squares.
+GATE_ONE, GATE_TWO = 10.83, 13.82
+# After this many readings of a sensor refused in a row: the filter is wrong, not they.
+MOST_REFUSED = 5
+# Variances of a heading that is known to about 20 degrees [rad²], and of a slide [m²/s²] that was
+# not noticed.
+ROUGH, UNNOTICED = 0.15, 4.0
+
+
+class Corrected:
+    """State and covariance of a filter, see `race_agents.unit.motion`."""
+
+    def __init__(self) -> None:
+        """Begin without any knowledge."""
+        self.state: Floats = np.zeros(SIZE)
+        self.covariance: Floats = np.zeros((SIZE, SIZE))
+        self.squares: dict[str, float] = {}
+        self._refused: dict[str, int] = {}  # readings in a row that were not believed
+
+    def _see_one(
+        self,
+        sensor: str,
+        residual: float,
+        row: Floats,
+        deviation: float,
+        most: int | None = MOST_REFUSED,
+    ) -> bool:
+        """Take one number; False if it was not believed.
+
+        most: readings refused in a row before the state is doubted, None: it never is.
+        """
+        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
+        self.squares[sensor] = square
+        if square > GATE_ONE:
+            if most is not None:
+                self._doubt(sensor, np.array([residual]), row[None], most)
+            return False
+        self._refused[sensor] = 0
+        self._correct(row, residual, deviation**2)
+        return True
+
+    def _correct(self, row: Floats, residual: float, variance: float) -> None:
+        """Correct state and covariance by one number."""
+        shared = self.covariance @ row
+        gain = shared / (float(row @ shared) + variance)
+        state = self.state + gain * residual
+        state[HEADING] = wrap(float(state[HEADING]))
+        self.state = state
+        self.covariance = self.covariance - gain[:, None] * shared
+
+    def _update(
+        self, sensor: str, residual: Floats, slope: Floats, noise: Floats, most: int | None
+    ) -> bool:
+        """Take two numbers at once; False if they were not believed. most: as of `_see_one`."""
+        spread = slope @ self.covariance @ slope.T + noise
+        inverse = np.linalg.inv(spread)
+        self.squares[sensor] = float(residual @ inverse @ residual)
+        if self.squares[sensor] > GATE_TWO:
+            if most is not None:
+                self._doubt(sensor, residual, slope, most)
+            return False
+        self._refused[sensor] = 0
+        gain = self.covariance @ slope.T @ inverse
+        self.state = self.state + gain @ residual
+        self.state[HEADING] = wrap(float(self.state[HEADING]))
+        keep = np.eye(SIZE) - gain @ slope
+        self.covariance = keep @ self.covariance @ keep.T + gain @ noise @ gain.T
+        return True
+
+    def _doubt(self, sensor: str, residual: Floats, slope: Floats, most: int) -> None:
+        """Count a refusal; after too many in a row doubt the state by as much as it misses.
+
+        But not what drifts and never jumps (bias, scale, compliance, delay). A filter with a wrong
+        position has a wrong heading too, by an unknown amount: it must not be made to explain the
+        position.
+        """
+        self._refused[sensor] = self._refused.get(sensor, 0) + 1
+        if self._refused[sensor] > most:
+            self._refused[sensor] = 0
+            slope = slope.copy()
+            slope[:, [HEADING, BIAS, SCALE, COMPLIANCE, DELAY]] = 0.0
+            self.covariance = self.covariance + slope.T @ np.diag(residual**2) @ slope
+            if sensor in {"position", "range"}:
+                doubts = np.zeros(SIZE)
+                doubts[[HEADING, SLIDE]] = ROUGH, UNNOTICED
+                self.covariance = self.covariance + np.diag(doubts)
