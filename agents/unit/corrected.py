@@ -51,8 +51,7 @@ class Corrected:
         square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
         self.squares[sensor] = square
         if square > GATE_ONE:
-            if most is not None:
-                self._doubt(sensor, np.array([residual]), row[None], most)
+            self._doubt(sensor, np.array([residual]), row[None], most)
             return False
         self._refused[sensor] = 0
         self._correct(row, residual, deviation**2)
@@ -67,16 +66,12 @@ class Corrected:
         self.state = state
         self.covariance = self.covariance - gain[:, None] * shared
 
-    def _update(
-        self, sensor: str, residual: Floats, slope: Floats, noise: Floats, most: int | None
-    ) -> bool:
-        """Take two numbers at once; False if they were not believed. most: as of `_see_one`."""
+    def _update(self, sensor: str, residual: Floats, slope: Floats, noise: Floats) -> bool:
+        """Take two numbers at once; False if they were not believed."""
         spread = slope @ self.covariance @ slope.T + noise
         inverse = np.linalg.inv(spread)
         self.squares[sensor] = float(residual @ inverse @ residual)
         if self.squares[sensor] > GATE_TWO:
-            if most is not None:
-                self._doubt(sensor, residual, slope, most)
             return False
         self._refused[sensor] = 0
         gain = self.covariance @ slope.T @ inverse
@@ -86,13 +81,15 @@ class Corrected:
         self.covariance = keep @ self.covariance @ keep.T + gain @ noise @ gain.T
         return True
 
-    def _doubt(self, sensor: str, residual: Floats, slope: Floats, most: int) -> None:
+    def _doubt(self, sensor: str, residual: Floats, slope: Floats, most: int | None) -> None:
         """Count a refusal; after too many in a row doubt the state by as much as it misses.
 
         But not what drifts and never jumps (bias, scale, compliance, delay). A filter with a wrong
         position has a wrong heading too, by an unknown amount: it must not be made to explain the
         position.
         """
+        if most is None:
+            return
         self._refused[sensor] = self._refused.get(sensor, 0) + 1
         if self._refused[sensor] > most:
             self._refused[sensor] = 0

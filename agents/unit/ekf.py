@@ -182,7 +182,10 @@ class KartFilter(Corrected):
             slope[:, DELAY] = -velocity
         if jitter > 0.0:
             noise += jitter**2 * np.outer(velocity, velocity)
-        return self._update("position", residual, slope, noise, self._most_refused(residual))
+        if self._update("position", residual, slope, noise):
+            return True
+        self._doubt("position", residual, slope, self._most_refused(residual))
+        return False
 
     def _most_refused(self, shift: Floats) -> int | None:
         """Return how many fixes `shift` (2,) [m] from here are refused before one is believed."""
@@ -197,8 +200,10 @@ class KartFilter(Corrected):
         told = np.array([speed * math.cos(course), speed * math.sin(course)])
         residual = told - velocity_of(self.state, self._lever)
         slope = velocity_jacobian(self.state, self._lever)
-        noise = np.eye(2) * deviation**2
-        return self._update("velocity", residual, slope, noise, MOST_FIXES_REFUSED)
+        if self._update("velocity", residual, slope, np.eye(2) * deviation**2):
+            return True
+        self._doubt("velocity", residual, slope, MOST_FIXES_REFUSED)
+        return False
 
     def see_range(self, x: float, y: float, distance: float, deviation: float) -> bool:
         """Take a distance to a beacon at (x, y); False if it was not believed.

@@ -74,9 +74,9 @@ class Estimator:
         """Take the newest readings; True if they hold a fix that was believed."""
         tick = self._tick(readings)
         self._time_s, self._rate = readings.time_s, tick.yaw_rate or 0.0
-        self.timeline.advance(tick)
         fix = readings.fix
-        return fix is not None and self.timeline.insert(self._late(fix, readings.time_s))
+        late = None if fix is None else self._late(fix, readings.time_s)
+        return self.timeline.advance(tick, late)
 
     def _late(self, fix: Fix, now_s: float) -> Late:
         """Return a fix with the moment it tells of."""

@@ -75,13 +75,20 @@ class Timeline:
         self._lever, self._borders = lever, borders
         self._past: deque[Past] = deque()
 
-    def advance(self, tick: Tick) -> None:
-        """Drive on and take what the sensors on board gave."""
+    def advance(self, tick: Tick, late: Late | None = None) -> bool:
+        """Drive on and take what the sensors on board gave, and a fix that came meanwhile.
+
+        Return whether the fix was believed. One of the past comes first: what is driven again is
+        then a step less.
+        """
+        is_past = late is not None and late.time_s < tick.begins_s
+        believed = late is not None and is_past and self.insert(late)
         past = Past(self.filter.snapshot(), tick)
         self._past.append(past)
         self._live(past)
         while self._past[0].tick.ends_s < tick.ends_s - HORIZON_S:
             self._past.popleft()
+        return believed if late is None or is_past else self.insert(late)
 
     def insert(self, late: Late) -> bool:
         """Take a fix where it belongs; False if it was not believed."""
