@@ -6,6 +6,17 @@ from typing import Any
 from race_server.errors import ScenarioError
 from race_server.printable import printable
 
+# Of drivers in their order, far enough apart for people who see few colours.
+DRIVER_COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#f9a825")
+
+
+def bare_axes(panel: Any) -> None:
+    """Give a panel small figures, a faint grid, and no frame above and to the right."""
+    panel.tick_params(labelsize=8)
+    panel.grid(visible=True, alpha=0.25)
+    for side in ("top", "right"):
+        panel.spines[side].set_visible(False)
+
 
 def save(figure: Any, path: Path, **options: Any) -> None:
     """Write a figure of matplotlib with all its texts as they are. options: of `savefig`.

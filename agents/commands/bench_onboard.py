@@ -42,7 +42,7 @@ def bench_onboard(
     from race_server.scenario.track.load import load_course
 
     course, kart = load_course(track), vehicle_named(vehicle)
-    fence = CourseFence(course.line, course.half_widths, course.kerb)
+    fence = CourseFence.of(course.line, course.half_widths, course.kerb, course.borders)
     turns = golden_turns(course, kart, seconds=seconds, seed=seed)
     times = MILLI * turn_times(kart, fence, turns)
     document: dict[str, Any] = {

@@ -13,6 +13,7 @@ from race_agents.commands.exam_coaching import coaching
 from race_agents.commands.exam_laps import laps
 from race_agents.commands.exam_result import Result
 from race_agents.commands.exam_retention import retention
+from race_agents.commands.exam_sweep import sweep
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
+app.command()(sweep)
 app.command()(coaching)
 app.command()(retention)
 

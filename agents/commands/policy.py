@@ -193,7 +193,12 @@ def list_policies(as_json: AsJson = False) -> None:
     console = Console()
     for one in known:
         preset = one.preset if one.is_run else "bundled"
-        facts = (preset, one.vehicle, one.algorithm, _tracks(one.lots or one.tracks))
+        facts = (
+            preset,
+            ", ".join((one.vehicle, *one.more_vehicles)),
+            one.algorithm,
+            _tracks(one.lots or one.tracks),
+        )
         table.add_row(one.name, *facts, _figures(one.evaluation))
     console.print(table)
     for one in known:

@@ -18,6 +18,7 @@ from race_server.terminal import Console, TextColumn
 if TYPE_CHECKING:
     from race_server.competition.lap_exam import CourseTry, LapExamSpec
     from race_server.competition.transfer import TransferRow
+    from race_server.core.vehicles import Vehicle
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def transfer(options: TransferOptions) -> None:
     check_simulator(options.to)
     if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
         raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
-    tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle).length)
+    tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs, traffic=options.traffic)
     console = Console(stderr=True)
     if options.traffic or options.to != NAME:
@@ -101,12 +102,11 @@ def transfer(options: TransferOptions) -> None:
         sys.exit(130)
 
 
-def own_tracks(length: float) -> tuple[str, ...]:
-    """Return the race tracks of highway-env for a vehicle of some length [m]."""
+def own_tracks(vehicle: "Vehicle") -> tuple[str, ...]:
+    """Return the race tracks of highway-env for a vehicle."""
     from race_server.scenario.track.highway_roads import PREFIX, TRACKS
-    from race_server.second.similarity import SHORT_M
 
-    return tuple(PREFIX + track + ":tenth" * (length < SHORT_M) for track in TRACKS)
+    return tuple(PREFIX + track + ":tenth" * vehicle.is_model_car for track in TRACKS)
 
 
 def _drive_in_traffic(

@@ -67,7 +67,7 @@ class Learned:
         self._base = driver_named(nature.base) if nature.base else None
         seen = PRESETS[self._base.preset] if self._base is not None else ()
         self.preset = preset_for(nature, self.policy.name, seen)
-        self.vehicles = (nature.vehicle,)
+        self.vehicles = nature.vehicles
         self._kind = action_kind(self.policy.metadata.action)
         self._table = discrete_table()
 
@@ -209,9 +209,10 @@ def _pace_of(nature: PolicyMetadata, briefing: Briefing, name: str) -> int:
     Raises:
         DriverError: it learned with another vehicle, or the decisions do not fit.
     """
-    if briefing.vehicle.name != nature.vehicle:
+    if briefing.vehicle.name not in nature.vehicles:
         raise DriverError(
-            f"{name} learned to drive {nature.vehicle!r}, not {briefing.vehicle.name!r}; "
+            f"{name} learned to drive {' and '.join(nature.vehicles)}, not "
+            f"{briefing.vehicle.name}; "
             "choose that vehicle or train another policy"
         )
     pace = nature.decision_s / briefing.decision_s

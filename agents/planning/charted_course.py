@@ -52,7 +52,6 @@ SEEN = 2
 MARGIN_SHARE = 0.8
 # Rounds in which every scan is fitted among all others, and the trust in its pose [m], [rad].
 REFINING, TRUST = 2, (0.1, 0.02)
-SHORT_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +198,7 @@ def walled_path(
 
 def scale_of(vehicle: Vehicle) -> str:
     """Return the scale of the courses that a vehicle drives."""
-    return "1/10" if vehicle.length < SHORT_M else "kart"
+    return "1/10" if vehicle.is_model_car else "kart"
 
 
 def chart_lap(

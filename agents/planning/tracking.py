@@ -63,8 +63,9 @@ DELAY_S, DELAY_SHARE = 0.05, 0.1
 FREQUENCY, STIFF_FREQUENCY, DAMPING, YAW_DAMPING = 10.0, 6.5, 0.9, 0.6
 # What is added at least to the damping of the yaw rate [1/s].
 YAW_RATE_DAMPING = 8.0
-# An offset is never closed at a steeper angle [rad] than this.
-STEEPEST = 0.35
+# An offset is never closed at a steeper angle [rad] than this, nor faster than what this share of
+# the grip brings to rest on the line.
+STEEPEST, JOINING = 0.35, 0.4
 # Square of the share of the grip that brakes have in any bend.
 LEAST_BRAKES = 0.05
 # Share of the slip at which a tyre slides altogether that the front wheels may have.
@@ -256,7 +257,9 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     heading += delay * turning + rear_axle * bend - rear_slip
     look = 2.0 * DAMPING * speed / frequency
     gain = frequency * frequency * wheelbase / max(speed * speed, 4.0)
-    offset = min(max(offset, -STEEPEST * look), STEEPEST * look)
+    closing = math.sqrt(2.0 * JOINING * grip_of(cockpit) * abs(offset))  # [m/s] across the line
+    most = look * min(STEEPEST, closing / speed)
+    offset = min(max(offset, -most), most)
     angle = math.atan(wheelbase * bend) + front_slip - rear_slip
     angle -= gain * (offset + look * math.sin(heading))
     angle -= slipping * yaw_damping(vehicle, speed) * turning

@@ -35,7 +35,7 @@ def measure(
     """
     loaded = load_course(track)
     course = Course(loaded.line, loaded.borders)
-    fence = CourseFence(loaded.line, loaded.half_widths, loaded.kerb)
+    fence = CourseFence.of(loaded.line, loaded.half_widths, loaded.kerb, loaded.borders)
     rows = []
     for case in cases():
         if only in ("", case.fault.name):

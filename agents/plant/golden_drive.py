@@ -42,7 +42,8 @@ def golden_turns(
     )
     sensors = replace(SENSORS, beacons=corners, range_s=0.1, range_detours=0.1)
     plant = Plant.of(vehicle, around, (start[0], start[1], start[2]), sensors, seed)
-    unit = ControlUnit.of(vehicle, CourseFence(line, course.half_widths, course.kerb))
+    fence = CourseFence.of(line, course.half_widths, course.kerb, course.borders)
+    unit = ControlUnit.of(vehicle, fence)
     turns = []
     for number in range(round(seconds / PERIOD_S)):
         now_s = number * PERIOD_S

@@ -24,6 +24,7 @@ class PolicyEntry:
     is_run: bool  # else it is bundled with this program
     preset: str = UNKNOWN  # its title
     vehicle: str = UNKNOWN
+    more_vehicles: tuple[str, ...] = ()  # with which it learned as well
     algorithm: str = UNKNOWN
     tracks: tuple[str, ...] = ()  # that it learned on
     lots: tuple[str, ...] = ()  # the same of a policy that parks
@@ -55,6 +56,7 @@ def _entry(name: str, path: Path, evaluation: Path, preset: str, *, is_run: bool
         is_run=is_run,
         preset=preset,
         vehicle=metadata.vehicle,
+        more_vehicles=metadata.more_vehicles,
         algorithm=metadata.algorithm,
         tracks=metadata.tracks,
         lots=metadata.lots,

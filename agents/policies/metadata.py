@@ -19,7 +19,12 @@ INPUT, OUTPUT = "observation", "action"
 MOST_BITS = 64  # of an integer
 MOST_DECISION_S = 10.0
 # What files of earlier versions of this program lack, and how they are read.
-LATER: Mapping[str, Any] = {"base": "", "lots": (), "level": ""}
+LATER: Mapping[str, Any] = {
+    "base": "",
+    "lots": (),
+    "level": "",
+    "more_vehicles": (),
+}
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,18 @@ class PolicyMetadata:
     base: str = ""  # the driver that residual actions advise
     lots: tuple[str, ...] = ()  # on which it learned to park; then there are no tracks
     level: str = ""  # how well it had to park, if not as each lot says
+    more_vehicles: tuple[str, ...] = ()  # with which it learned as well
     version: int = VERSION
 
     @property
     def size(self) -> int:
         """Numbers of an observation."""
         return sum(self.sizes)
+
+    @property
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of all vehicles that it learned with."""
+        return (self.vehicle, *self.more_vehicles)
 
     def as_text(self) -> str:
         """Return everything as JSON."""

@@ -26,7 +26,8 @@ from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.sets import course_named, set_named
 
-UNSEEN = "unseen"  # the set of tracks
+# Sets of tracks, for model cars and for longer vehicles.
+UNSEEN, UNSEEN_KART = "unseen", "unseen-kart"
 # Beside the lots that a policy learned in, whose rounds have other seeds.
 UNSEEN_LOTS = ("generated:yard:900", "generated:aisle:900")
 WORLDS = 16
@@ -80,11 +81,12 @@ def _task(metadata: PolicyMetadata) -> Task:
         Scenario(
             course_named(name),
             karts=1 + len(others),
-            vehicles=(vehicle_named(metadata.vehicle),),
+            vehicles=(vehicle_named(vehicle),),
             rules=LEARNING_RULES,
             lidar=lidar,
         )
         for name in _courses(metadata)
+        for vehicle in metadata.vehicles
     ]
     return task_on(
         tuple(scenarios),
@@ -103,8 +105,9 @@ def _lots_task(metadata: PolicyMetadata) -> Task:
     """Return a task of the lots that a policy learned in, and of unseen ones."""
     lidar = Lidar(rays=metadata.lidar_rays) if metadata.lidar_rays else Lidar()
     scenarios = [
-        replace(parking_scenario(name, vehicle=metadata.vehicle, level=metadata.level), lidar=lidar)
+        replace(parking_scenario(name, vehicle=vehicle, level=metadata.level), lidar=lidar)
         for name in (*metadata.lots, *UNSEEN_LOTS)
+        for vehicle in metadata.vehicles
     ]
     return Task(tuple(scenarios), Parking()).with_options(
         observation=metadata.parts,
@@ -116,7 +119,8 @@ def _lots_task(metadata: PolicyMetadata) -> Task:
 
 def _courses(metadata: PolicyMetadata) -> list[str]:
     """Return the unseen courses; with a reference line only those whose line is bundled."""
-    names = set_named(UNSEEN)
+    is_small = vehicle_named(metadata.vehicle).is_model_car
+    names = set_named(UNSEEN if is_small else UNSEEN_KART)
     if metadata.base or wants_line(metadata.parts):
         return [name for name in names if not name.startswith("generated:")]
     return names

@@ -146,6 +146,7 @@ def metadata_from(settings: Settings, courses: tuple[str, ...]) -> PolicyMetadat
         sizes=tuple(layout.slices[name].stop - layout.slices[name].start for name in names),
         action=settings.action,
         vehicle=settings.vehicle,
+        more_vehicles=settings.more_vehicles,
         lidar_rays=settings.lidar.rays if sees_lidar else 0,
         lidar_field=Lidar().field,
         lidar_reach=Lidar().reach,

@@ -291,6 +291,8 @@ class Settings(Table):
     worlds: int = Field(default=64, ge=1)
     threads: int = Field(default=1, ge=1)  # of the worlds, and of PPO's lessons
     vehicle: str = "tt02"
+    # That learn as well, each on every course; evaluations use the first one.
+    more_vehicles: tuple[str, ...] = ()
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: ActionName = "continuous"
     simulator: str = ""  # that moves the vehicles: highway-env; empty: our own

@@ -21,11 +21,12 @@ from race_server.scenario.track.sets import course_named, names_of
 
 
 class Choice(NamedTuple):
-    """What a reset may draw: a course, how far from the slot a vehicle starts, and the karts."""
+    """What a reset may draw: a course, a vehicle, how far from the slot it starts, the karts."""
 
     course: str
     distance: Range | None  # [m]; None: as the lot has it
     karts: int
+    vehicle: str
 
 
 def courses_of(settings: Settings) -> tuple[str, ...]:
@@ -56,10 +57,11 @@ def choices_of(settings: Settings) -> tuple[Choice, ...]:
     asked = [stage.distance for stage in settings.curriculum]
     distances = tuple(dict.fromkeys(asked)) if settings.parks and asked else (None,)
     return tuple(
-        Choice(name, distance, karts)
+        Choice(name, distance, karts, vehicle)
         for name in courses_of(settings)
         for distance in distances
         for karts in settings.race.sizes
+        for vehicle in (settings.vehicle, *settings.more_vehicles)
     )
 
 
@@ -71,7 +73,7 @@ def training_task(settings: Settings) -> Task:
     """
     scenarios = tuple(
         _with_karts(
-            _scenario(settings, choice.course, choice.distance),
+            _scenario(settings, choice.course, choice.vehicle, choice.distance),
             choice.karts,
             settings.race.learners,
         )
@@ -98,13 +100,16 @@ def evaluation_tasks(settings: Settings, courses: tuple[str, ...]) -> dict[str, 
         RaceError: a course does not exist.
     """
     if settings.parks:
-        lots = {name: _task(settings, (_scenario(settings, name),)) for name in courses}
+        lots = {
+            name: _task(settings, (_scenario(settings, name, settings.vehicle),))
+            for name in courses
+        }
         return {name: task.with_options(most_steps=0) for name, task in lots.items()}
     steps = round(settings.evaluation.seconds / settings.decision_s)
     return {
-        name: _task(settings, (_from_the_middle(_scenario(settings, name)),)).with_options(
-            random_start=False, most_steps=steps
-        )
+        name: _task(
+            settings, (_from_the_middle(_scenario(settings, name, settings.vehicle)),)
+        ).with_options(random_start=False, most_steps=steps)
         for name in courses
     }
 
@@ -146,36 +151,40 @@ def _task(settings: Settings, scenarios: tuple[Scenario, ...]) -> Task:
     )
 
 
-def _scenario(settings: Settings, name: str, distance: Range | None = None) -> Scenario:
+def _scenario(
+    settings: Settings, name: str, vehicle: str, distance: Range | None = None
+) -> Scenario:
     """Return a scenario on a track, or in a lot with starts at a distance [m] from the slot."""
     lidar = settings.lidar
     sensor = Lidar(rays=lidar.rays, noise=lidar.noise, dropout=lidar.dropout)
     if settings.parks:
-        return replace(_parking_scenario(settings, name, distance), lidar=sensor)
+        return replace(_parking_scenario(settings, name, vehicle, distance), lidar=sensor)
     return Scenario(
         course_named(name),
         karts=settings.race.karts,
-        vehicles=_vehicles(settings),
+        vehicles=_vehicles(settings, vehicle),
         rules=_rules(settings.race.rules, LEARNING_RULES),
         lidar=sensor,
     )
 
 
-def _vehicles(settings: Settings) -> tuple[Vehicle, ...]:
+def _vehicles(settings: Settings, vehicle: str) -> tuple[Vehicle, ...]:
     """Return one vehicle for all karts, or one for each where policies have their own."""
-    names = [one.vehicle or settings.vehicle for one in settings.policies for _ in range(one.karts)]
-    names += [settings.vehicle] * (settings.race.karts - len(names))
-    if set(names) == {settings.vehicle}:
+    names = [one.vehicle or vehicle for one in settings.policies for _ in range(one.karts)]
+    names += [vehicle] * (settings.race.karts - len(names))
+    if set(names) == {vehicle}:
         names = names[:1]
     return tuple(vehicle_named(name) for name in names)
 
 
-def _parking_scenario(settings: Settings, name: str, distance: Range | None) -> Scenario:
+def _parking_scenario(
+    settings: Settings, name: str, vehicle: str, distance: Range | None
+) -> Scenario:
     asked = settings.parking
     scenario = parking_scenario(
         name,
         vehicles=settings.race.karts,
-        vehicle=settings.vehicle,
+        vehicle=vehicle,
         level=asked.level,
         limit_s=asked.limit_s,
     )

@@ -128,6 +128,7 @@ class ControlUnit:
             return
         is_believed = self.fusion.sense(readings)
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
+        self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
         if readings.fix is not None:
             self.watch.judge(Sensor.FIXES, is_believed=is_believed)
         if is_believed:
@@ -159,7 +160,9 @@ class ControlUnit:
             return
         heading = self.fence.heading_at(fix.x, fix.y) if fix.heading is None else fix.heading
         if heading is not None:
-            self.fusion = Estimator(self.vehicle, fix, heading, self._time_s)
+            self.fusion = Estimator(
+                self.vehicle, fix, heading, self._time_s, borders=self.fence.borders
+            )
             self._fix_s, self._source = self._time_s, fix.source
 
     def decide(self, now_s: float) -> Command:

@@ -13,11 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from race_agents.unit.borders import Sighting
 from race_agents.unit.motion import (
     BIAS,
     COMPLIANCE,
     DELAY,
     HEADING,
+    PLACE,
     SCALE,
     SIZE,
     SLIDE,
@@ -50,6 +52,12 @@ MOST_FIXES_REFUSED = 3
 CALM_S, MOST_REFUSED_CALM = 2.0, 25
 # Ranges come from many beacons: only when all are refused for a while is the place doubted.
 MOST_RANGES_REFUSED = 25
+# Scans in a row that show the borders elsewhere, until the place is doubted; for how long [s] a
+# scan tells whether a fix can be right; how far off [m] borders are at least if it is not.
+MOST_SCANS_REFUSED, SEEN_S, ELSEWHERE = 10, 0.5, 0.6
+# … and the deviation [m] of the place across a border from which on it may be another one.
+# A contradiction leaves no more doubt than this [m].
+AMBIGUOUS, DOUBT = 1.5, 1.2
 # A range is weighted down beyond this many deviations (Huber 1964), and never used beyond that.
 HUBER, FARTHEST = 1.5, 5.0
 # A program that is held up for longer than this [s], or whose clock jumps, may be anywhere.
@@ -67,7 +75,7 @@ MOST_DELAY_S = 0.6
 # Receivers with corrections: 90 to 110 ms as a rule (PX4 EKF2_GPS_DELAY: 110 ms).
 USUAL_DELAY_S = 0.1
 
-Snapshot = tuple[Floats, Floats, dict[str, int], float]
+Snapshot = tuple[Floats, Floats, dict[str, int], float, Sighting | None, float]
 
 
 class KartFilter:
@@ -107,14 +115,17 @@ class KartFilter:
         self.squares: dict[str, float] = {}
         self._refused: dict[str, int] = {}  # readings in a row that were not believed
         self._calm_s = 0.0  # since the last blow
+        self._seen: Sighting | None = None  # of the borders, the last one
+        self._seen_s = 0.0  # ago
 
     def snapshot(self) -> Snapshot:
         """Return what `restore` brings back; nothing changes these arrays."""
-        return self.state, self.covariance, self._refused.copy(), self._calm_s
+        seen = self._seen, self._seen_s
+        return self.state, self.covariance, self._refused.copy(), self._calm_s, *seen
 
     def restore(self, snapshot: Snapshot) -> None:
         """Be again what the filter was."""
-        self.state, self.covariance, refused, self._calm_s = snapshot
+        self.state, self.covariance, refused, self._calm_s, self._seen, self._seen_s = snapshot
         self._refused = refused.copy()
 
     def predict(
@@ -130,6 +141,7 @@ class KartFilter:
             return
         is_calm = push is not None and blow == 0.0 and dt <= PAUSE_S
         self._calm_s = self._calm_s + dt if is_calm else 0.0
+        self._seen_s += dt
         slope = jacobian_of(self.state, dt)
         noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
         ahead, aside = push or (0.0, 0.0)
@@ -211,6 +223,47 @@ class KartFilter:
         self._correct(row, residual, deviation**2 / weight)
         return True
 
+    def see_borders(self, seen: Sighting) -> bool:
+        """Take borders that the radar sees; False if most of them were not believed.
+
+        A kart that may be metres away cannot tell which border it sees: such an echo says nothing.
+        """
+        rows, residuals = seen.rows(self.state), seen.residuals(self.state)
+        variances, place = seen.deviations**2, self.covariance[:PLACE, :PLACE]
+        spread = ((rows @ place) * rows).sum(axis=1)
+        told = spread < AMBIGUOUS**2
+        count = np.count_nonzero(told)
+        if 2 * count < len(rows):
+            self._seen = None
+            return True
+        self._seen, self._seen_s = seen, 0.0
+        squares = residuals * residuals / (spread + variances)
+        self.squares["border"] = float(squares.sum()) / len(rows)
+        believed = told & (squares <= FARTHEST**2)
+        if 2 * np.count_nonzero(believed) < count:
+            doubted = np.zeros((len(rows), SIZE))
+            doubted[:, :PLACE] = rows
+            doubt = np.clip(residuals, -DOUBT, DOUBT) / math.sqrt(len(rows))
+            self._doubt("border", doubt, doubted, MOST_SCANS_REFUSED)
+            return False
+        self._refused["border"] = 0
+        weighed = rows.T * (believed / (variances * np.maximum(np.sqrt(squares) / HUBER, 1.0)))
+        known = weighed @ rows
+        gain = self.covariance[:, :PLACE] @ np.linalg.inv(np.eye(PLACE) + known @ place)
+        self.state = self.state + gain @ (weighed @ residuals)
+        self.state[HEADING] = wrap(float(self.state[HEADING]))
+        covariance = self.covariance - gain @ known @ self.covariance[:PLACE]
+        self.covariance = 0.5 * (covariance + covariance.T)
+        return True
+
+    def _belie(self, shift: Floats) -> bool:
+        """Return whether the borders lie elsewhere if the kart is `shift` (2,) [m] from here."""
+        if self._seen is None or self._seen_s > SEEN_S:
+            return False
+        here = self._seen.residuals(self.state)
+        there = float(np.median(np.abs(here - self._seen.normals @ shift)))
+        return there > max(ELSEWHERE, 2.0 * float(np.median(np.abs(here))))
+
     def see_heading(self, heading: float, deviation: float) -> bool:
         """Take the heading of two antennas; False if it was not believed.
 
@@ -252,6 +305,16 @@ class KartFilter:
         if square < PLAIN:
             self._correct(row, residual, deviation**2)
 
+    def mend_bias(self, off: float, turned: float) -> None:
+        """Take it that the gyro tells `off` [rad/s] more than was known.
+
+        turned: [rad] by which the heading may be wrong since.
+        """
+        state, covariance = self.state.copy(), self.covariance.copy()
+        state[[BIAS, YAW_RATE]] += off, -off
+        covariance[[BIAS, HEADING], [BIAS, HEADING]] += (0.25 * off) ** 2, turned**2
+        self.state, self.covariance = state, covariance
+
     def see_rest(self) -> None:
         """Take it that the kart stands: no speed, no turn, no slide."""
         for column, deviation in ((SPEED, 0.01), (YAW_RATE, 1e-3), (SLIDE, 0.01)):
@@ -292,9 +355,9 @@ class KartFilter:
         self.squares[sensor] = float(residual @ inverse @ residual)
         if self.squares[sensor] > GATE_TWO:
             is_calm = self._calm_s > CALM_S and sensor == "position"
-            self._doubt(
-                sensor, residual, slope, MOST_REFUSED_CALM if is_calm else MOST_FIXES_REFUSED
-            )
+            if not (is_calm and self._belie(residual)):
+                most = MOST_REFUSED_CALM if is_calm else MOST_FIXES_REFUSED
+                self._doubt(sensor, residual, slope, most)
             return False
         self._refused[sensor] = 0
         gain = self.covariance @ slope.T @ inverse

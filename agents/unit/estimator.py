@@ -3,11 +3,15 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+
+from race_agents.unit.borders import BorderEchoes, Borders
 from race_agents.unit.ekf import FARTHEST, KartFilter
+from race_agents.unit.gyro_check import GyroCheck
 from race_agents.unit.inertial import Inertial
-from race_agents.unit.motion import BIAS, SCALE, SPEED, Agility, Floats
+from race_agents.unit.motion import BIAS, HEADING, SCALE, SPEED, Agility, Floats
 from race_agents.unit.readings import Fix, Readings
-from race_agents.unit.timeline import Late, Tick, Timeline
+from race_agents.unit.timeline import LATE_S, Late, Tick, Timeline
 from race_agents.unit.tyres import Tyres
 from race_agents.unit.wheels import Wheels
 from race_server.core.vehicles import GRAVITY, Vehicle
@@ -20,6 +24,10 @@ STEERED, STEERED_SHARE = 0.03, 0.25
 BLOW = 1.3
 # Deviation [s] of the delay of a fix that carries no stamp about its mean.
 JITTER_S = 0.01
+# A gyro that was found to be off is shown as refused for this long [s].
+SHOWN_S = 2.0
+# Borders are looked at no more often than this [s].
+LOOKS_S = 0.09
 # A stamp is never of the future, nor older than this [s]: one clock was set, and it tells nothing.
 MOST_AGE_S = 0.65
 
@@ -35,11 +43,12 @@ class Estimator:
         time_s: float,
         *,
         compliance: float | None = None,
+        borders: Borders | None = None,
     ) -> None:
         """Begin at a fix.
 
         heading: [rad] in which the kart is taken to stand. compliance: of the rear tyres [s²/m],
-        None: as the vehicle's cornering stiffness says.
+        None: as the vehicle's cornering stiffness says. borders: that the radar sees.
         """
         if compliance is None:
             compliance = 1.0 / (GRAVITY * vehicle.cornering)
@@ -52,9 +61,13 @@ class Estimator:
             compliance=compliance,
             heading_deviation=None if fix.heading is None else fix.heading_deviation,
         )
-        self.timeline = Timeline(self.filter, Tyres.of(vehicle), vehicle.rear_axle)
+        self.timeline = Timeline(self.filter, Tyres.of(vehicle), vehicle.rear_axle, borders)
         self.wheels, self.inertial = Wheels.of(vehicle), Inertial()
-        self._vehicle = vehicle
+        self._gyro, self._gyro_off_s = GyroCheck(vehicle), -math.inf
+        self._gyro_found: float | None = None  # [rad/s], until borders are seen
+        self._gyro_found_s = 0.0
+        self._looked_s = -math.inf  # at borders
+        self._vehicle, self._borders = vehicle, borders
         self._time_s, self._rate = time_s, 0.0
 
     def sense(self, readings: Readings) -> bool:
@@ -87,6 +100,7 @@ class Estimator:
         if not math.isnan(speed + readings.yaw_rate):
             self.inertial.watch(speed, readings.yaw_rate, felt, now_s)
         rate, deviation = self._turning(readings)
+        seen = self._seen_borders(readings)
         return Tick(
             begins_s=now_s - dt,
             ends_s=now_s,
@@ -95,9 +109,45 @@ class Estimator:
             wheel=wheel,
             felt=self._at_rear(felt, self._rate if rate is None else rate, dt),
             blow=self.blow(felt),
+            gyro_off=self._gyro_off(readings, seen, dt),
             rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < 0.5,
             beacons=readings.beacons,
+            borders=seen,
         )
+
+    def _seen_borders(self, readings: Readings) -> BorderEchoes | None:
+        """Return what is used of a scan: not of each, for the filter's past is driven again."""
+        is_due = not 0.0 <= readings.time_s - self._looked_s < LOOKS_S
+        if self._borders is None or readings.echoes is None or not is_due:
+            return None
+        self._looked_s = readings.time_s
+        return BorderEchoes.of(readings.echoes)
+
+    def _gyro_off(self, readings: Readings, seen: BorderEchoes | None, dt: float) -> float | None:
+        """Return what the gyro tells too much [rad/s], None if it is right, or nobody knows.
+
+        Wheels and accelerometer say the same of a kart that spins on ice. Borders do not: they lie
+        where they were only if the kart has not turned.
+        """
+        turn, speed = readings.yaw_rate - float(self.state[BIAS]), float(self.state[SPEED])
+        found = self._gyro.bias(turn, readings.steering, readings.acceleration, speed, dt)
+        if found is not None:
+            self._gyro_found, self._gyro_found_s = found, readings.time_s
+        found = self._gyro_found
+        if found is None or seen is None or self._borders is None:
+            return None
+        self._gyro_found = None
+        sighting = self._borders.sighting(seen, self.state)
+        if sighting is None:
+            return None
+        # What has been put right of the heading already is not known, so half of it is tried.
+        back = self.state.copy()
+        back[HEADING] -= 0.5 * found * (readings.time_s - self._gyro_found_s + LATE_S)
+        here, there = (np.median(np.abs(sighting.residuals(at))) for at in (self.state, back))
+        if there > here:
+            return None
+        self._gyro_off_s = readings.time_s
+        return found
 
     def _turning(self, readings: Readings) -> tuple[float | None, float]:
         """Return the turning rate as the gyro tells it, and its deviation [rad/s].
@@ -126,6 +176,11 @@ class Estimator:
             return 0.0
         blow = math.hypot(*felt)
         return blow if blow > BLOW * self._vehicle.grip * GRAVITY else 0.0
+
+    @property
+    def is_gyro_off(self) -> bool:
+        """Whether the gyro was found to be off not long ago."""
+        return 0.0 <= self._time_s - self._gyro_off_s < SHOWN_S
 
     @property
     def is_ranged(self) -> bool:

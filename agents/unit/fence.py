@@ -2,16 +2,22 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from race_agents.unit.borders import Borders
 
 Floats = NDArray[np.float64]
 
 
 class Fence(Protocol):
     """Where a kart may drive."""
+
+    @property
+    def borders(self) -> Borders | None:
+        """The borders that a radar sees, None where they are not known."""
 
     def beyond(self, x: float, y: float) -> float:
         """Return how far outside a point lies [m], negative inside."""
@@ -27,6 +33,12 @@ class CourseFence:
     line: Floats  # (N, 4) x, y, heading, curvature
     half_widths: Floats  # (N, 2)
     kerb: float
+    borders: Borders | None = None
+
+    @classmethod
+    def of(cls, line: Floats, half_widths: Floats, kerb: float, borders: Floats) -> Self:
+        """Return the fence of a course. borders: (S, 4) x0, y0, x1, y1 [m] of their pieces."""
+        return cls(line, half_widths, kerb, Borders.of(borders) if len(borders) else None)
 
     def beyond(self, x: float, y: float) -> float:
         """Return how far outside the kerb a point lies [m], negative inside."""
@@ -49,6 +61,10 @@ class LotFence:
 
     low: tuple[float, float]  # [m] corner with the least x and y
     high: tuple[float, float]  # [m] corner with the greatest
+
+    @property
+    def borders(self) -> None:
+        """None: who stands in a car park is not on its map."""
 
     def beyond(self, x: float, y: float) -> float:
         """Return how far outside the area a point lies [m], negative inside."""

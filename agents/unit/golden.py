@@ -6,12 +6,13 @@ A port to another language reads the inputs, runs its own unit, and must repeat 
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.unit.borders import Borders
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
 from race_agents.unit.motion import SIZE
@@ -23,7 +24,7 @@ from race_server.core.vehicles import Vehicle
 
 Floats = NDArray[np.float64]
 
-VERSION = 1
+VERSION = 2  # 2: with borders
 # Columns of `inputs`; NaN stands for what there is none of.
 INPUTS = (
     *("time", "wheel_speed", "yaw_rate", "steering", "ahead", "left"),
@@ -87,6 +88,7 @@ def pack(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> dict[st
         "line": fence.line,
         "half_widths": fence.half_widths,
         "kerb": np.array(fence.kerb),
+        **_borders_of(fence),
         "input_names": np.array(INPUTS),
         "inputs": np.array([_inputs_of(turn) for turn in turns]),
         "echo_names": np.array(ECHOES),
@@ -98,7 +100,8 @@ def pack(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> dict[st
 
 def unpack(arrays: Any) -> tuple[CourseFence, list[Turn]]:
     """Return the fence and the turns of a file of golden vectors."""
-    fence = CourseFence(arrays["line"], arrays["half_widths"], float(arrays["kerb"]))
+    borders = Borders(*(arrays[f"border_{each.name}"] for each in fields(Borders)))
+    fence = CourseFence(arrays["line"], arrays["half_widths"], float(arrays["kerb"]), borders)
     by_row: dict[int, list[Floats]] = {}
     for echo in arrays["echoes"]:
         by_row.setdefault(int(echo[0]), []).append(echo[1:])
@@ -108,6 +111,11 @@ def unpack(arrays: Any) -> tuple[CourseFence, list[Turn]]:
         told = dict(zip(names, row, strict=True))
         turns.append(_turn_of(told, by_row.get(number)))
     return fence, turns
+
+
+def _borders_of(fence: CourseFence) -> dict[str, Any]:
+    assert fence.borders is not None
+    return {f"border_{name}": value for name, value in vars(fence.borders).items()}
 
 
 def _rows_of(echoes: Echoes) -> list[tuple[float, float, float, float]]:

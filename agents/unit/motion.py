@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 # position fixes that carry no stamp [s].
 X, Y, HEADING, SPEED, YAW_RATE, BIAS, SLIDE, SCALE, COMPLIANCE, DELAY = range(10)
 SIZE = 10
+PLACE = 3  # the first of them: where a kart is, and where it points
 # [√s] of a yaw acceleration at which one axle holds and the other does not.
 TURNS = 0.02
 STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines

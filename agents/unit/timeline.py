@@ -9,12 +9,15 @@ from bisect import insort
 from collections import deque
 from dataclasses import dataclass, field
 
+from race_agents.unit.borders import BorderEchoes, Borders
 from race_agents.unit.ekf import KartFilter, Snapshot
 from race_agents.unit.motion import SLIDE, SPEED, YAW_RATE
 from race_agents.unit.readings import Fix, Range
 from race_agents.unit.tyres import Tyres
 
 HORIZON_S = 0.7
+# A gyro that is off is found out after about this time [s].
+LATE_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,10 @@ class Tick:
     wheel: tuple[float, float] | None  # speed and deviation [m/s], None where it is not trusted
     felt: tuple[float, float] | None  # [m/s²] at the rear axle, but for turning
     blow: float = 0.0  # [m/s²] that no tyre can have caused
+    gyro_off: float | None = None  # [rad/s] that the gyro tells too much, as others show
     rests: bool = False
     beacons: tuple[Range, ...] = ()
+    borders: BorderEchoes | None = None
 
     def push(self, filtered: KartFilter, lever: float) -> tuple[float, float] | None:
         """Return how the speeds of the rear axle change [m/s²], ahead and to the left."""
@@ -62,10 +67,12 @@ class Past:
 class Timeline:
     """A filter with a past."""
 
-    def __init__(self, filtered: KartFilter, tyres: Tyres, lever: float) -> None:
+    def __init__(
+        self, filtered: KartFilter, tyres: Tyres, lever: float, borders: Borders | None = None
+    ) -> None:
         """Begin now. lever: [m] from the rear axle forward to the accelerometer and the antenna."""
         self.filter, self._tyres = filtered, tyres
-        self._lever = lever
+        self._lever, self._borders = lever, borders
         self._past: deque[Past] = deque()
 
     def advance(self, tick: Tick) -> None:
@@ -111,6 +118,8 @@ class Timeline:
 
     def _take(self, tick: Tick) -> None:
         filtered = self.filter
+        if tick.gyro_off is not None:
+            filtered.mend_bias(tick.gyro_off, tick.gyro_off * LATE_S)
         if tick.blow == 0.0:
             self._tyres.see(filtered, None if tick.felt is None else tick.felt[1])
         if tick.wheel is not None:
@@ -121,6 +130,11 @@ class Timeline:
             filtered.see_rest()
         for beacon in tick.beacons:
             filtered.see_range(beacon.x, beacon.y, beacon.distance, beacon.deviation)
+        if tick.borders is not None and self._borders is not None:
+            # Which border an echo is of follows from where the kart is taken to be by now.
+            seen = self._borders.sighting(tick.borders, filtered.state)
+            if seen is not None:
+                filtered.see_borders(seen)
 
     def _see(self, late: Late) -> bool:
         """Take a fix of this very moment."""

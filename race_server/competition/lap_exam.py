@@ -35,14 +35,14 @@ from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import digest_of, load_course
 
-# Kinds of courses that are drawn in turn; shorter vehicles [m] drive those of 1/10.
-SMALL, SHORT_M = ("block", "spline", "circuit"), 1.0
+# Kinds of courses that are drawn in turn, for model cars and for longer vehicles.
+SMALL = ("block", "spline", "circuit")
 LARGE = ("spline:{}:kart", "circuit:{}:kart")
 
 
 def drawn_courses(count: int, first_seed: int, vehicle: Vehicle) -> tuple[str, ...]:
     """Return the names of generated courses of a vehicle's scale, of each kind in turn."""
-    forms = tuple(f"{kind}:{{}}" for kind in SMALL) if vehicle.length < SHORT_M else LARGE
+    forms = tuple(f"{kind}:{{}}" for kind in SMALL) if vehicle.is_model_car else LARGE
     return tuple(f"generated:{forms[n % len(forms)].format(first_seed + n)}" for n in range(count))
 
 

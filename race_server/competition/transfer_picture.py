@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from race_server.competition.transfer import LADDER, TransferRow
-from race_server.pictures import save_and_close
+from race_server.pictures import DRIVER_COLOURS, bare_axes, save_and_close
 
-_COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#f9a825")
 _WIDTH, _HEIGHT = 11.0, 2.3  # [in]; of a track
 _APART = 0.04  # between the lines of two drivers, so that both are seen
 
@@ -39,19 +38,21 @@ def draw_transfer(rows: Sequence[TransferRow], path: Path) -> None:
         shares.set_ylabel("clean laps [%]", fontsize=8)
         times.set_ylabel("lap over its limit", fontsize=8)
         for panel in (shares, times):
-            panel.tick_params(labelsize=8)
-            panel.grid(visible=True, alpha=0.25)
-            for side in ("top", "right"):
-                panel.spines[side].set_visible(False)
+            bare_axes(panel)
     for panel in panels[-1]:
         panel.set_xticks(range(len(LADDER)), [rung.name for rung in LADDER])
-    panels[0][0].legend(fontsize=8, loc="lower left")
+    lines, names = panels[0][0].get_legend_handles_labels()
+    figure.legend(lines, names, fontsize=8, loc="outside lower center", ncols=len(names))
     save_and_close(figure, path, dpi=150, facecolor="white")
 
 
 def _draw(panel: Any, row: TransferRow, number: int, key: str, scale: float) -> None:
     """Draw a driver's figures over the ladder. number: of the driver."""
     places = [place + _APART * number for place in range(len(row.ladder))]
-    values = [float("nan") if one[key] is None else scale * one[key] for one in row.ladder]
-    colour = _COLOURS[number % len(_COLOURS)]
+    # A driver that refused to drive has shown nothing.
+    values = [
+        float("nan") if one["failed"] or one[key] is None else scale * one[key]
+        for one in row.ladder
+    ]
+    colour = DRIVER_COLOURS[number % len(DRIVER_COLOURS)]
     panel.plot(places, values, "o-", color=colour, linewidth=1.2, markersize=4, label=row.driver)

@@ -113,6 +113,11 @@ class Vehicle:
         return self.front_axle + self.rear_axle
 
     @property
+    def is_model_car(self) -> bool:
+        """Whether it is shorter than a metre: it drives courses of 1/10."""
+        return self.length < 1.0
+
+    @property
     def turning_radius(self) -> float:
         """Smallest radius [m] of the rear axle's path without slip."""
         return self.wheelbase / float(np.tan(self.steering_limit))

@@ -8,8 +8,6 @@ from race_server.core.vehicles import Vehicle
 from race_server.errors import ScenarioError
 from race_server.scenario.track.highway_roads import TENTH
 
-SHORT_M = 1.0  # shorter vehicles are model cars
-
 
 @dataclass(frozen=True)
 class Similarity:
@@ -28,7 +26,7 @@ class Similarity:
         Raises:
             ScenarioError: there are both.
         """
-        short = {vehicle.length < SHORT_M for vehicle in vehicles}
+        short = {vehicle.is_model_car for vehicle in vehicles}
         if len(short) > 1:
             raise ScenarioError(
                 "model cars and karts in one task: another simulator takes either; leave one out"

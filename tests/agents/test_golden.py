@@ -14,7 +14,7 @@ from support.courses import ring
 
 def test_the_unit_repeats_its_vectors_from_the_file() -> None:
     course = ring(radius=12.0, half_width=3.0)
-    fence = CourseFence(course.line, course.half_widths, course.kerb)
+    fence = CourseFence.of(course.line, course.half_widths, course.kerb, course.borders)
     turns = golden_turns(course, KART_60, seconds=7.0, seed=2, person_m=25.0)
     file = BytesIO()
     np.savez_compressed(file, allow_pickle=False, **pack(KART_60, fence, turns))

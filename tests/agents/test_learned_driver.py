@@ -20,7 +20,7 @@ from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
 from race_server.core.observation import Observation
-from race_server.core.vehicle_presets import KART_60
+from race_server.core.vehicle_presets import KART_13, KART_60
 from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.reality_gap import RealityGap
@@ -91,10 +91,18 @@ def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None
 
 def test_a_driver_refuses_another_vehicle_and_another_pace(policy_file: Path) -> None:
     driver = Learned(str(policy_file))
-    with pytest.raises(DriverError, match="learned to drive 'tt02', not 'kart-60'"):
+    with pytest.raises(DriverError, match="learned to drive tt02, not kart-60"):
         driver.reset(replace(BRIEFING, vehicle=KART_60))
     with pytest.raises(DriverError, match=r"every 0.05 s, not every 0.1 s"):
         driver.reset(replace(BRIEFING, decision_s=0.1))
+
+
+def test_a_policy_of_several_vehicles_drives_each_of_them(policy_file: Path) -> None:
+    driver = Learned(str(policy_file))
+    driver.policy.metadata = replace(driver.policy.metadata, more_vehicles=("kart-60",))
+    driver.reset(replace(BRIEFING, vehicle=KART_60))
+    with pytest.raises(DriverError, match="learned to drive tt02 and kart-60, not kart-13"):
+        driver.reset(replace(BRIEFING, vehicle=KART_13))
 
 
 def test_damaged_and_foreign_files_are_refused_in_one_sentence(

@@ -25,7 +25,7 @@ from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.kernel_driver import Cockpit, memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS, layout_of, offsets_of
-from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.core.vehicles import GRAVITY, vehicle_record
 from race_server.envs.reality_gap import RealityGap
 from race_server.scenario.race import Rules, Scenario
@@ -57,6 +57,17 @@ def test_a_driver_on_the_line_laps_the_oval_nearly_as_fast_as_can_be(name: str) 
     racer = session.world.racers[0, 0]
     assert racer.wall_contacts == 0
     assert 0.98 * limit < racer.best_lap_us / 1e6 < 1.05 * limit
+
+
+def test_a_kart_on_the_grid_joins_a_line_3_metres_aside_without_a_touch() -> None:
+    rules = Rules(laps=1, items=False, countdown_s=0.5)
+    course = load_course("hangar-400")
+    session, _ = run_race(
+        with_line(Scenario(course, karts=1, vehicles=(KART_60,), rules=rules)), ["raceline"]
+    )
+    racer = session.world.racers[0, 0]
+    assert racer.wall_contacts == 0
+    assert racer.best_lap_us < 40e6  # from standing; the limit of a flying lap is 31.0 s
 
 
 @pytest.mark.parametrize("name", ["raceline", "idm"])

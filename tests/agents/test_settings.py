@@ -78,6 +78,23 @@ def test_races_are_drawn_with_so_many_karts() -> None:
     assert 10 < (racing == 1).sum() < 30
 
 
+def test_each_vehicle_learns_on_every_course() -> None:
+    changes = ["tracks.set=''", "tracks.names=['oval','covapsy-base']", "vehicle=tt02"]
+    settings = read_settings("time-trial-kart", [*changes, "more_vehicles=['tt02-drift']"])
+    found = [(one.course.name, one.vehicle_of(0).name) for one in training_task(settings).scenarios]
+    assert found == [
+        *(("oval", "tt02"), ("oval", "tt02-drift")),
+        *(("covapsy-base", "tt02"), ("covapsy-base", "tt02-drift")),
+    ]
+
+
+def test_a_set_for_karts_names_courses_of_their_scale() -> None:
+    names = names_of((), "validation-kart")
+    assert names[0] == "generated:spline:8000:kart"
+    assert len(names) == 6
+    assert min(course_named(name).length for name in names) > 150.0
+
+
 def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
     settings = read_settings("time-trial-ppo", [*QUICK, "algorithm.options.n_step=3"])
     with pytest.raises(ScenarioError, match=r"algorithm.options.n_step = 3: ppo has no such"):

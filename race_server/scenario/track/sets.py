@@ -31,8 +31,10 @@ def set_named(name: str) -> list[str]:
     table = sets[name]
     first = table.get("first_seed", 0)
     names = list(table.get("tracks", []))
-    names += [f"generated:block:{first + n}" for n in range(table.get("blocks", 0))]
-    names += [f"generated:spline:{first + n}" for n in range(table.get("splines", 0))]
+    scale = f":{table['scale']}" if "scale" in table else ""
+    for kind in ("block", "spline", "circuit"):
+        numbers = range(first, first + table.get(f"{kind}s", 0))
+        names += [f"generated:{kind}:{number}{scale}" for number in numbers]
     return names
 
 
