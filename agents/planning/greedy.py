@@ -16,7 +16,7 @@ from race_server.core.free_space.state_costs import (
     state_after,
 )
 from race_server.core.kernels.boxes import Hull, hull_of
-from race_server.core.kernels.geometry import Pose, clip
+from race_server.core.kernels.geometry import Pose, clip, cos_sin, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.trailers import axle_pose
 from race_server.core.rules.parking import stand_in, turned_half
@@ -32,9 +32,13 @@ AHEAD_OF_IT, STEERED_TO = 12, 3
 SLOW, TOP, BRAKING = 0.3, 1.0, 0.5
 # A change of the wheels' angle [rad] that does not slow the vehicle down.
 LITTLE = 0.06
-# It stands where it is as near to its place as this share of what its level allows, and of the room
-# that a body which has to lie inside a slot has there.
-SETTLED = 0.7
+# It stops where it is as near to its place as this share of what its level allows, and of the room
+# that a body which has to lie inside a slot has there. Where it is as near as the other share, it
+# does not turn round: a turn there gains less than the costs promise.
+SETTLED, KEPT = 0.7, 0.95
+# It takes itself for so much farther aside of its place [m] at most, up to twice as far: costs too
+# high just at the place let it stop short of that, by most of a cell.
+BESIDE = 0.06
 
 
 class Choice(NamedTuple):
@@ -99,8 +103,8 @@ def lead(found: StateCosts, rig: Rig, goal: Pose, state: Towed, gear: int, top: 
 
 
 @kernel
-def _is_settled(parker: Record, hull: Hull) -> bool:
-    """Return whether a body stands well enough in its slot. parker: PARKER."""
+def is_settled(parker: Record, hull: Hull, share: float) -> bool:
+    """Return whether a body stands well enough in its slot. parker: PARKER; share: see SETTLED."""
     stand = stand_in(parker, hull)
     along = parker.along if parker.along > 0.0 else parker.within
     across = parker.across if parker.across > 0.0 else parker.within
@@ -108,8 +112,8 @@ def _is_settled(parker: Record, hull: Hull) -> bool:
         half_along, half_across = turned_half(hull, stand.turn)
         along = min(along, 0.5 * parker.length - half_along)
         across = min(across, 0.5 * parker.width - half_across)
-    is_near = abs(stand.along) < SETTLED * along and abs(stand.across) < SETTLED * across
-    return bool(is_near and abs(stand.turn) < SETTLED * parker.turn)
+    is_near = abs(stand.along) < share * along and abs(stand.across) < share * across
+    return bool(is_near and abs(stand.turn) < share * parker.turn)
 
 
 @large_kernel
@@ -133,14 +137,19 @@ def lead_all(
         goal = Pose(goals[w, 0], goals[w, 1], goals[w, 2])
         axle = axle_pose(body, vehicle, 0)
         angle = clip(body.steering, -found.sharpest, found.sharpest)
-        state = Towed(axle.x, axle.y, axle.heading, angle, 0.0)
+        beside = clip(seen_from(goal, axle).y, -BESIDE, BESIDE)
+        cos, sin = cos_sin(goal.heading)
+        x, y = axle.x - beside * sin, axle.y + beside * cos
+        state = Towed(x, y, axle.heading, angle, 0.0)
         top = min(TOP, vehicle.top_speed, vehicle.reverse_speed)
-        told = lead(found, rig, goal, state, BACK if parker.gear < 0 else AHEAD, top)
+        gear = BACK if parker.gear < 0 else AHEAD
+        told = lead(found, rig, goal, state, gear, top)
         # In the time of STEERED_TO strides the wheels have to come there.
         late = max(abs(told.angle - body.steering), LITTLE) / vehicle.steering_rate
         most = max(STEERED_TO * STRIDE * found.grid.cell / late, SLOW)
         speed = clip(told.speed, -most, most)
-        if _is_settled(parker, hull_of(vehicle, body, 0)):
+        turns_round = (told.speed < 0.0) != (gear == BACK)
+        if is_settled(parker, hull_of(vehicle, body, 0), KEPT if turns_round else SETTLED):
             speed = 0.0
         controls[w, 0] = speed
         controls[w, 1] = clip(told.angle / vehicle.steering_limit, -1.0, 1.0)

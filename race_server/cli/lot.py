@@ -18,7 +18,7 @@ LotName = Annotated[
     str,
     typer.Argument(
         help="A name from `race lot list`, a .toml file, or a generated lot: generated:yard:SEED, "
-        "generated:aisle:SEED, generated:kerb:SEED."
+        "generated:aisle:SEED, generated:kerb:SEED, generated:street:SEED."
     ),
 ]
 Vehicle = Annotated[

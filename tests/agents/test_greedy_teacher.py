@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_agents.planning.greedy import choose
+from race_agents.planning.greedy import KEPT, SETTLED, choose, is_settled
 from race_agents.training.greedy_teacher import GreedyTeacher, rows_of
 from race_agents.training.imitation import School
 from race_agents.training.settings_toml import read_settings
@@ -20,10 +20,12 @@ from race_server.core.free_space.state_costs import (
     cost_to_go,
     find_state_costs,
 )
+from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
+from race_server.envs.parking.heuristics.atlas import goal_in
 from race_server.envs.presets import parking_task
 from race_server.errors import ScenarioError
 from race_server.scenario.parking import parking_scenario
@@ -120,6 +122,22 @@ def aisle(folder: Path, action: str = "crawl") -> Batch:
     return Batch(task, worlds=2, seed=7, after=STAY)
 
 
+def test_a_car_stops_well_within_its_level_and_stays_where_it_is_just_within(
+    tmp_path: Path,
+) -> None:
+    world = aisle(tmp_path).world
+    body, vehicle, parker = world.bodies[0, 0], world.vehicles[0, 0], world.parking.parkers[0, 0]
+    goal = goal_in(world.parking.lots.slots[0], CAR)  # it points to the north
+    body["y"], body["heading"] = goal.y + vehicle["rear_axle"], goal.heading
+    stops, stays = [], []
+    for aside in (0.09, 0.13, 0.16):  # of 0.15 m
+        body["x"] = goal.x - aside
+        hull = hull_of(vehicle, body, 0)
+        stops.append(is_settled(parker, hull, SETTLED))
+        stays.append(is_settled(parker, hull, KEPT))
+    assert (stops, stays) == ([True, False, False], [True, True, False])
+
+
 @pytest.mark.slow
 def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path) -> None:
     batch = aisle(tmp_path)
@@ -134,9 +152,8 @@ def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path)
 def test_slots_side_by_side_and_one_behind_another_have_costs_together() -> None:
     lots = make_world(parking_scenario("aisle-90"), [1]).parking.lots
     assert rows_of(lots, 0) == [list(range(16)), list(range(16, 32))]
-    # Along a kerb four slots of 5.5 m, four of 5.9, four of 6.4 and three of 7.0.
-    street = make_world(parking_scenario("kerb-street"), [1]).parking.lots
-    assert [len(row) for row in rows_of(street, 0)] == [4, 4, 4, 3]
+    street = make_world(parking_scenario("generated:street:7"), [1]).parking.lots
+    assert rows_of(street, 0) == [[0, 1, 2, 3, 4]]
 
 
 def test_it_refuses_what_it_cannot_answer_with(tmp_path: Path) -> None:

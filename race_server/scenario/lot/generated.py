@@ -1,4 +1,4 @@
-"""Random car parks: ``generated:yard:17``, ``generated:aisle:4``, ``generated:kerb:9``.
+"""Random car parks: ``generated:yard:17``, ``generated:aisle:4`` and others, see FORMS.
 
 Kind and seed define the lot: the same name always gives the same file. No lot of a name is among
 them, so that what was learned on those can be tried on these.
@@ -11,9 +11,10 @@ from random import Random
 
 from race_server.errors import LotError
 
-FORMS = ("generated:yard:SEED", "generated:aisle:SEED", "generated:kerb:SEED")
+KINDS = ("yard", "aisle", "kerb", "street")
+FORMS = tuple(f"generated:{kind}:SEED" for kind in KINDS)
 
-_NAME = re.compile(r"generated:(yard|aisle|kerb):(\d{1,9})")
+_NAME = re.compile(rf"generated:({'|'.join(KINDS)}):(\d{{1,9}})")
 
 # For the angle of bays to their aisle [degrees]: widths of bays and of the aisle [m], between which
 # is drawn. The least of each are those of NF P91-100 (public car parks).
@@ -22,6 +23,9 @@ BAY = 5.0  # [m] length of a bay
 # Lengths and widths of slots along a kerb [m], between which is drawn. The least width is that of
 # NF P91-100, the least length 1.13 times the car.
 KERB_LENGTHS, KERB_WIDTHS = (5.3, 7.0), (2.0, 2.4)
+# Length [m] of all slots along a street, 1.25 times the car, and their widths.
+STREET_LENGTH, STREET_WIDTHS = 5.86, (2.25, 2.4)
+KERB_BEGINS = 7.0  # [m] where the first slot along a kerb does
 
 
 @cache
@@ -37,7 +41,7 @@ def generated_file(name: str) -> str:
     kind, seed = match[1], int(match[2])
     chance = Random(f"{kind} {seed}")
     words = [f'title = "Generated {kind} {seed}"', 'level = "parked"']
-    words += {"yard": _yard, "aisle": _aisle, "kerb": _kerb}[kind](chance)
+    words += {"yard": _yard, "aisle": _aisle, "kerb": _kerb, "street": _street}[kind](chance)
     return "\n".join([*words, ""])
 
 
@@ -108,27 +112,57 @@ def _aisle(chance: Random) -> list[str]:
 
 def _kerb(chance: Random) -> list[str]:
     """Return the words of slots along a kerb, which a car may overhang, each of another length."""
-    width, behind, street = (
-        chance.uniform(*ends) for ends in (KERB_WIDTHS, (0.3, 0.6), (6.0, 8.0))
-    )
+    sides = _sides_of_a_kerb(chance, KERB_WIDTHS)
     words: list[str] = []
-    last = 7.0  # [m] end of the slot before
+    last = KERB_BEGINS
     for _ in range(chance.randint(4, 10)):
         length = round(chance.uniform(*KERB_LENGTHS), 2)
-        words += [
-            "[[rows]]",
-            f"at = [{last + 0.5 * length:.3f}, {0.5 * width:.3f}]",
-            f"length = {length:.2f}",
-            f"width = {width:.3f}",
-        ]
+        words += _along_a_kerb(last, length, sides[0])
         last += length
+    return _with_a_kerb(chance, words, last, sides, (3.0, 8.0))
+
+
+def _street(chance: Random) -> list[str]:
+    """Return the words of slots along a kerb, which a car may overhang, all of one size."""
+    sides = _sides_of_a_kerb(chance, STREET_WIDTHS)
+    count = chance.randint(4, 10)
+    words = _along_a_kerb(KERB_BEGINS, STREET_LENGTH, sides[0])
+    words += [f"count = {count}", f"pitch = {STREET_LENGTH}"]
+    last = KERB_BEGINS + count * STREET_LENGTH
+    return ["distance = [4, 12]", *_with_a_kerb(chance, words, last, sides, (3.0, last))]
+
+
+def _sides_of_a_kerb(chance: Random, widths: tuple[float, float]) -> tuple[float, float, float]:
+    """Return a width of slots, drawn between two, and those of what is behind and before them."""
+    return chance.uniform(*widths), chance.uniform(0.3, 0.6), chance.uniform(6.0, 8.0)
+
+
+def _along_a_kerb(first: float, length: float, width: float) -> list[str]:
+    """Return the words of a slot. first: its end [m]; length, width: [m]."""
+    return [
+        "[[rows]]",
+        f"at = [{first + 0.5 * length:.3f}, {0.5 * width:.3f}]",
+        f"length = {length:.2f}",
+        f"width = {width:.3f}",
+    ]
+
+
+def _with_a_kerb(
+    chance: Random,
+    slots: list[str],
+    last: float,
+    sides: tuple[float, float, float],
+    starts: tuple[float, float],
+) -> list[str]:
+    """Return the words of a lot. last: end of the last slot; starts: between which they are [m]."""
+    width, behind, street = sides
     share = chance.uniform(0.4, 0.95)
     return [
         f"area = [0, {last + 6.0:.2f}, {-behind:.2f}, {width + street:.2f}]",
         'vehicle = "car"',
         "limit_s = 90",
-        *words,
-        *_zone("start", (3.0, 8.0), (width + 2.0, width + street - 2.0), spread=10.0),
+        *slots,
+        *_zone("start", starts, (width + 2.0, width + street - 2.0), spread=10.0),
         *["[taken]", f"share = {share:.2f}", "length = 4.7", "width = 1.9"],
     ]
 
