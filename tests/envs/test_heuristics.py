@@ -183,6 +183,8 @@ def test_in_every_lot_no_way_over_cells_is_left_in_the_slot(lot: str) -> None:
 def test_a_lorry_that_stands_straight_in_its_slot_has_no_way_left(lot: str) -> None:
     made = {cells: lot_with_ways(lot, 1, cells) for cells in (SIDES, CORNERS)}
     for name, heuristic in HEURISTICS.items():
+        if heuristic.has_atlas:  # see test_cost_to_go.py
+            continue
         world, _, chart = made[heuristic.cells or SIDES]
         parker = world.parking.parkers[0, 0]
         put_body(world, 0, 0, parker.x, parker.y, parker.heading)
