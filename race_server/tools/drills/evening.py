@@ -103,6 +103,7 @@ class Evening:
     kills: list[str] = field(default_factory=list)
     resume_s: list[float] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # of the pages
+    pages: subprocess.Popen[bytes] | None = None  # drives them
     _read: int = 0
 
     def start(self) -> None:
@@ -123,7 +124,8 @@ class Evening:
         pairs = zip(self.people, addresses["drive"], strict=True)
         command = [sys.executable, "-m", PAGES, addresses["base"], str(self.place)]
         command += [word for pair in pairs for word in pair]
-        self.group.aside.append(subprocess.Popen(command, stdout=self.log, stderr=self.log))
+        self.pages = subprocess.Popen(command, stdout=self.log, stderr=self.log)
+        self.group.aside.append(self.pages)
 
     def _serve(self) -> list[str]:
         place = self.place
@@ -157,6 +159,15 @@ class Evening:
     def is_over(self) -> bool:
         """Whether the server has ended."""
         return self.group.processes[0].poll() is not None
+
+    def check_pages(self) -> None:
+        """Check that the browsers are still driven.
+
+        Raises:
+            RaceError: their program has ended.
+        """
+        if self.pages is not None and self.pages.poll() is not None:
+            raise RaceError("the program that drives the browsers ended")
 
     def kill(self, where: str) -> None:
         """Kill the server; its supervisor starts another one."""
@@ -221,6 +232,7 @@ def _follow(evening: Evening, tell: Callable[[int], None]) -> None:
     while not evening.is_over:
         if time.monotonic() > deadline:
             raise RaceError(f"the evening was not over after {LONGEST_S:g} s")
+        evening.check_pages()
         for line in evening.lines():
             if line["event"] in {"driven", "found"}:
                 driven, due_at = driven + (line["event"] == "driven"), 0.0

@@ -151,7 +151,8 @@ def take_seat(page: Page, name: str) -> None:
     """Fill in the form of the page that asks for name and seat."""
     page.fill("input[name=name]", name)
     page.get_by_role("button", name="Take the seat").click()
-    page.wait_for_function("window.__race?.seat >= 0")
+    # Not by `wait_for_function`, which evaluates text in the page, as its security policy forbids.
+    wait_until(lambda: page.evaluate("window.__race?.seat >= 0"), START_S, f"a seat for {name}")
 
 
 def _is_there(base: str) -> bool:
