@@ -188,19 +188,19 @@ class KartProgram:
         with suppress(RaceError):  # the next silence asks again
             self.seat.ask_again()
 
-    def next_race(self, last: KnownKart) -> Welcome | None:
+    def next_race(self, last: HudFrame | None) -> Welcome | None:
         """Wait for the next race of an event, which has begun then; None where there is none.
 
-        last: the kart of the race before.
+        last: heard in the race before, None before the first one.
 
         Raises:
             LinkError: the server has gone.
         """
-        epoch = last.hud.epoch if last.hud is not None else self.seat.welcome.epoch
         welcome, asked, answered = self.seat.welcome, -math.inf, self.clock()
         while welcome.stays:
             now = self.clock()
-            if (heard := self.hear(now)) is not None and heard[0].epoch != epoch:
+            heard = self.hear(now)
+            if heard is not None and (last is None or heard[0].epoch != last.epoch):
                 self.seat.receive(0.0)  # the newest of the race before
                 return welcome
             if now - asked > RETRY_S:
@@ -241,14 +241,14 @@ def take_part(
 ) -> None:
     """Drive one race with a real kart, all of an event, or park it.
 
-    kart_of: is called before each race, when the kart stands on its place on the grid. driver: one
-    that parks goes to its slot in a car park; any other races, and hands the wheel to the one named
-    by `valet` when the server orders the kart to park. caution: share of the tyres' grip that the
-    driver's briefing states, because a real kart rarely has the grip of its data sheet. on_request:
-    a driver that parks waits for an order of the server, too. beside: address of this machine at
-    which programs are told what the kart knows, "" for none. each_turn: is called after each turn
-    of the game's side; the kart leaves once it returns False, or once its safety side has nothing
-    more to do.
+    kart_of: is called before each race, when the kart stands on its place on the grid; in an event,
+    where each race has an order of its own, once the race counts down. driver: one that parks goes
+    to its slot in a car park; any other races, and hands the wheel to the one named by `valet` when
+    the server orders the kart to park. caution: share of the tyres' grip that the driver's briefing
+    states, because a real kart rarely has the grip of its data sheet. on_request: a driver that
+    parks waits for an order of the server, too. beside: address of this machine at which programs
+    are told what the kart knows, "" for none. each_turn: is called after each turn of the game's
+    side; the kart leaves once it returns False, or once its safety side has nothing more to do.
 
     Raises:
         LinkError: no server.
@@ -264,9 +264,9 @@ def take_part(
         if beside:
             onboard.beside = left.enter_context(closing(Beside(beside, session, seat.number)))
         link.listen(topics.HUD, onboard.store, seat.number)
-        has_raced = False
-        welcome: Welcome | None = seat.welcome
+        welcome = onboard.next_race(None) if seat.welcome.stays else seat.welcome
         while welcome is not None:
+            persist = partial(insist, deadline=time.monotonic() + timeout_s)
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
             vehicle = welcome.briefing.vehicle
             kart, known = kart_of(seat, sheet, link), KnownKart(vehicle)
@@ -275,11 +275,10 @@ def take_part(
             crew = _crew_of(driver, name, valet, briefing, welcome, sheet)
             if crew.parker is not None and not on_request:
                 crew.parker.take(welcome.order)
-            if not has_raced:
+            if not welcome.stays:
                 persist(partial(seat.act, topics.READY))
             _drive(crew, onboard, kart, known, each_turn)
-            has_raced, welcome = True, onboard.next_race(known)
-            persist = partial(insist, deadline=time.monotonic() + timeout_s)
+            welcome = onboard.next_race(known.hud)
 
 
 def _crew_of(

@@ -1,5 +1,6 @@
 """A real kart over zenoh on loopback: poses up, orders down, acknowledged."""
 
+import threading
 import time
 from dataclasses import replace
 from functools import partial
@@ -34,6 +35,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join
 from race_server.net.wire.sheets import course_sheet
 from race_server.net.wire.telemetry import decode_telemetries
+from race_server.scenario.race import ABSENT
 from race_server.tools.drills.mixed import judge_both, way_to_stop
 from support.courses import SMALL_RING
 from support.servers import running, waiting
@@ -142,6 +144,34 @@ def test_a_real_kart_is_trusted_obeys_a_stop_and_is_missed_when_it_falls_silent(
     assert isinstance(seen["command"], Command)
     assert session.tracked_karts.orders(0).acknowledged >= 1
     assert session.world.racers["yellow"][0, 0] == 1
+
+
+def test_in_an_event_a_real_kart_stands_on_its_place_in_the_order_of_the_race() -> None:
+    session = session_on_ring("race", karts=2, laps=1, countdown_s=2.0, limit_s=1.0)
+    session.is_event = True
+    grid, address, placed = SMALL_RING.grid, free_address(), []
+
+    def on_its_place(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartHere:
+        placed.append(sheet.grid[seat.number].tolist())
+        return kart_of(seat, sheet, link)
+
+    def turn(_onboard: KartProgram, _kart: KartHere, _now_s: float) -> bool:
+        return session.tracked_karts.trackers[0].trust is not Trust.TRUSTED
+
+    def serve() -> None:
+        server.lobby.wait_for(1)
+        server.drive(replace(session.scenario, grid_order=(1, ABSENT)))
+        session.is_event = False
+        server.see_off()
+
+    with ServerLink(address, "race", 2) as link:
+        server = RaceServer(session, link, REAL)
+        thread = threading.Thread(target=serve)
+        thread.start()
+        take_part(Gentle(), on_its_place, name="real", address=address, each_turn=turn)
+        thread.join(20.0)
+    assert placed == [grid[1].tolist()]
+    assert session.world.racers["false_started"][0, 0] == 0
 
 
 def test_the_control_loop_turns_on_while_the_kart_asks_for_its_seat(
