@@ -44,9 +44,6 @@ STIFF_BEND_SHARE = 0.95
 # less of the bend's speed for each length more: what it does wrong it notices late, and the rear
 # axle slides before it is corrected.
 PROMPT, LATE_SHARE = 0.5, 0.0145
-# Times that a body takes to turn until it follows another curvature, and how far [body widths] it
-# may go astray meanwhile.
-LAGS, ASTRAY_WIDTHS = 2.0, 0.16
 # Share of the grip that brakes have where the line does not brake yet, or a dash exceeds it.
 DASH_BRAKE_SHARE = 0.55
 # Share of the rear tyres' grip beyond which neither motor nor brakes may go: a rear axle that
@@ -118,7 +115,6 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
         used = min(speed * speed * abs(bend) / grip, 1.0)
         unused = 1.0 - used
         late = LATE_SHARE * max(speed * speed * turning - PROMPT, 0.0)
-        square = min(square, turned_over(cockpit, index, turning * vehicle.length))
         share = STRAIGHT_SHARE + (bend_share - late - STRAIGHT_SHARE) * used + dash * unused
         # Nearer to the middle of a bend it is tighter.
         tighter = min(max(1.0 - shift * bend, 0.3), 1.0)
@@ -131,23 +127,6 @@ def speed_on_line(cockpit: Cockpit, shift: float, distance: float, dash: float) 
         math.sqrt(square * min(observation[offsets[GRIP_SCALE]], 1.0)),
         observation[offsets[SPEED_CAP]],
     )
-
-
-@large_kernel
-def turned_over(cockpit: Cockpit, index: int, turning: float) -> float:
-    """Return the square of the speed [m²/s²] at which a body still follows a line that turns over.
-
-    index: sample of the line ahead; turning: time [s] that the body takes to turn, for each m/s.
-    While the yaw rate lags, for LAGS of these times, the body goes astray by the change of the
-    curvature, v² Δk T² / 8.
-    """
-    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    speed = observation[offsets[LINE_SPEED] + index]
-    reach = LAGS * turning * speed * speed / max(observation[offsets[STEP]], 0.01)
-    here = observation[offsets[CURVATURE] + index]
-    change = abs(at_distance(observation, offsets[CURVATURE], index + reach) - here)
-    lag = max(LAGS * turning, 1e-6)
-    return math.sqrt(8.0 * ASTRAY_WIDTHS * vehicle.width / max(change, 1e-6)) / lag
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +157,16 @@ def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, old: str, new: str, me
     with pytest.raises(TrackError, match=message) as caught:
         read_course(path)
     assert str(caught.value).startswith("wrong.toml: ")
+
+
+def test_a_course_with_a_bridge_is_refused_with_the_place(tmp_path: Path) -> None:
+    # A figure of eight whose diagonals meet in (30, 20).
+    eight = "points = [[0, 0], [60, 40], [80, 20], [60, 0], [0, 40], [-20, 20]]"
+    (tmp_path / "eight.toml").write_text(re.sub(r"points = .*", eight, LINE))
+    with pytest.raises(
+        TrackError, match=r"crosses itself at \(\d\d\.\d\d, \d\d\.\d\d\).* no bridges"
+    ):
+        load_course(str(tmp_path / "eight.toml"))
 
 
 def test_an_unknown_track_is_named_with_the_known_ones() -> None:

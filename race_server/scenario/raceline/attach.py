@@ -14,6 +14,7 @@ from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import speeds_on
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.raceline.result import Raceline
+from race_server.scenario.raceline.turning_over import slowed
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.polyline import loops_of, nearest_on
@@ -46,7 +47,8 @@ def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> 
 @lru_cache(maxsize=64)
 def _line_on(course: Course, vehicle: Vehicle, solve: bool) -> ReferenceLine:
     bounds = bounds_of(vehicle)
-    return around(course, _free_line(course, vehicle, bounds, solve), bounds, vehicle)
+    line = around(course, _free_line(course, vehicle, bounds, solve), bounds, vehicle)
+    return replace(line, speed=slowed(line.speed, line.curvature, line.spacing, vehicle, bounds))
 
 
 def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) -> ReferenceLine:

@@ -14,6 +14,7 @@ from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.medial import medial_line
 from race_server.scenario.track.polyline import (
     area_of,
+    crossings,
     derivatives,
     is_inside,
     lengths_of,
@@ -246,6 +247,13 @@ def _line(
 
 def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths: Floats) -> Floats:
     beyond = plan.kerb + plan.grass
+    spacing = float(np.hypot(*(line[1] - line[0])))
+    if len(pairs := crossings(segments_of(line))):
+        (x, y), (first, second) = line[pairs[0, 0]], pairs[0] * spacing
+        raise TrackError(
+            f"{plan.name}: the line crosses itself at ({x:.2f}, {y:.2f}), {first:.1f} m and "
+            f"{second:.1f} m after its start; a course has one level and no bridges: leave a part out"
+        )
     left = border_beside(line, heading, half_widths[:, 0] + beyond)
     right = border_beside(line, heading, -half_widths[:, 1] - beyond)
     if min(len(left), len(right)) < 3:

@@ -1,0 +1,62 @@
+"""Where a line turns from one side to the other faster than a body can follow, it is slower."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.scenario.raceline.bounds import SLOWEST, Bounds
+from race_server.scenario.raceline.profile import braking, driving
+from race_server.scenario.track.course import Floats
+
+Pull = Callable[[float, float, Bounds], float]
+
+# Times that a body takes to turn until it follows another curvature, and how far [body widths] it
+# may go astray meanwhile.
+LAGS, ASTRAY_WIDTHS = 2.0, 0.16
+
+
+def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle) -> Floats:
+    """Return the most speed (N,) [m/s] at which a body follows a closed line as it turns over.
+
+    speed, curvature: (N,) of the line [m/s], [1/m]; spacing: [m] between its samples. The yaw rate
+    follows the steering with the time constant v I / (C a b), with the yaw inertia I, the
+    stiffness C of all tyres [N/rad] and the axles' distances a and b from the centre of gravity.
+    While it lags, for LAGS of these times T, the body goes astray by the change of the curvature
+    within them, v² Δk T² / 8.
+    """
+    stiffness = vehicle.cornering * vehicle.mass * GRAVITY
+    lag = LAGS * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
+    places = np.arange(len(speed))
+    ahead = (places + lag * speed**2 / spacing) % len(speed)
+    change = np.abs(np.interp(ahead, places, curvature, period=len(speed)) - curvature)
+    astray = 8.0 * ASTRAY_WIDTHS * vehicle.width
+    return np.asarray(np.sqrt(np.sqrt(astray / np.maximum(change, 1e-9)) / max(lag, 1e-9)))
+
+
+def slowed(
+    speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle, bounds: Bounds
+) -> Floats:
+    """Return the speeds (N,) [m/s] of a line that a body can follow where it turns over.
+
+    Before such a place it brakes as hard as the bend leaves grip for, and behind it it accelerates
+    as hard, until it is as fast as before.
+    """
+    most = followed(speed, curvature, spacing, vehicle)
+    speeds, curves = np.minimum(speed, most).tolist(), curvature.tolist()
+    for place in np.flatnonzero(most < speed).tolist():
+        for pull, step in (braking, -1), (driving, 1):
+            here, there = place, (place + step) % len(speeds)
+            while (now := _after(speeds[here], curves[here], spacing, pull, bounds)) < speeds[
+                there
+            ]:
+                speeds[there] = now
+                here, there = there, (there + step) % len(speeds)
+    return np.array(speeds)
+
+
+def _after(speed: float, curvature: float, way: float, pull: Pull, bounds: Bounds) -> float:
+    """Return the speed [m/s] that is reached on a way [m]. pull: the acceleration [m/s²]."""
+    square = speed * speed + 2.0 * way * pull(speed, curvature, bounds)
+    return max(math.sqrt(max(square, 0.0)), SLOWEST)

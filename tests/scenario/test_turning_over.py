@@ -1,0 +1,66 @@
+"""Lines that turn from one side to the other: as fast as a body can follow, and no slower."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from race_server.core.vehicle_presets import KART_60, TT02
+from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.raceline.profile import braking, driving
+from race_server.scenario.raceline.turning_over import ASTRAY_WIDTHS, LAGS, followed, slowed
+
+SPACING = 0.05
+BEND = 0.05  # [1/m]: at 10 m/s all the grip of the 1/10 car, 5 m/s²
+
+
+def turning_over(bend: float, samples: int = 2000) -> np.ndarray:
+    """Return the curvature of a line that turns over at once, once and back."""
+    half = samples // 2
+    return np.repeat([bend, -bend], half)
+
+
+@pytest.mark.parametrize("vehicle", [TT02, KART_60])
+def test_a_body_goes_astray_by_a_sixth_of_its_width_at_the_speed_that_is_left(
+    vehicle: Vehicle,
+) -> None:
+    stiffness = vehicle.cornering * vehicle.mass * GRAVITY
+    curvature = turning_over(BEND)
+    most = followed(np.full(2000, 10.0), curvature, SPACING, vehicle).min()
+    lag = LAGS * most * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
+    assert most**2 * (2.0 * BEND) * lag**2 / 8.0 == pytest.approx(ASTRAY_WIDTHS * vehicle.width)
+
+
+def test_in_a_bend_that_stays_the_same_nothing_is_slowed() -> None:
+    speed = np.full(400, 10.0)
+    assert (
+        slowed(speed, np.full(400, BEND), SPACING, TT02, bounds_of(TT02)).tolist() == [10.0] * 400
+    )
+
+
+def test_a_slow_line_may_turn_over_at_once() -> None:
+    speed = np.full(2000, 2.0)
+    assert slowed(speed, turning_over(BEND), SPACING, TT02, bounds_of(TT02)).min() == 2.0
+
+
+def test_where_a_fast_line_turns_over_at_once_it_is_slower_and_only_there() -> None:
+    curvature = np.zeros(2000)
+    curvature[950:1000], curvature[1000:1050] = BEND, -BEND
+    now = slowed(np.full(2000, 10.0), curvature, SPACING, TT02, bounds_of(TT02))
+    assert 7.0 < now[999] < 9.0
+    assert now[700] == now[1900] == 10.0  # 15 m before, and 45 m behind it
+
+
+@given(st.floats(0.01, 0.4), st.floats(3.0, 10.0))
+def test_brakes_and_motor_lead_from_each_sample_to_the_next(bend: float, speed: float) -> None:
+    bounds, curvature = bounds_of(TT02), turning_over(bend, samples=400)
+    now = slowed(np.full(400, speed), curvature, SPACING, TT02, bounds)
+    for here in np.flatnonzero(now < speed).tolist():
+        there = (here + 1) % 400
+        square, bent = now[here] ** 2, (float(curvature[here]), float(curvature[there]))
+        assert (
+            now[there] ** 2 <= square + 2.0 * SPACING * driving(now[here], bent[0], bounds) + 1e-9
+        )
+        loss = 2.0 * SPACING * braking(now[there], bent[1], bounds)
+        assert square <= now[there] ** 2 + loss + 1e-9
