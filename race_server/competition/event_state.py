@@ -51,6 +51,7 @@ class EventState:
     epoch: int = 0  # of the last race
     records: tuple[RaceRecord, ...] = ()  # of the attempts and races so far
     protests: tuple[Protest, ...] = ()
+    reviewed: str = ""  # the newest stage, or round of races, whose review is over
     is_final: bool = False
 
     def plan(self) -> DayPlan:

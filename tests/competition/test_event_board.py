@@ -73,6 +73,15 @@ def test_recordings_of_a_time_trial_show_who_drives_against_which_ghost_and_who_
     assert over.driven == 4
 
 
+def test_an_attempt_that_stewards_start_again_has_its_ghost(tmp_path: Path) -> None:
+    Served(spec_of(tmp_path), ("raceline",)).run(race=1, restart_at_tick=60)
+    for path in sorted(tmp_path.glob("cup-????????-??????-???.mcap"))[1:]:
+        epoch = read_recording(path).start.epoch
+        lines = [line.data for line in read_lines(path) if line and line.kind is GHOSTS]
+        assert {decode_ghosts(line)[0] for line in lines} == {epoch}
+    assert epoch == 3
+
+
 def result_of(team: str, place: int, lap_us: int, deleted: tuple[DeletedLap, ...]) -> TeamResult:
     laps = (lap_us, lap_us)
     return TeamResult(team, place, 2, 2 * lap_us, lap_us, laps, 0, 1, 0, 0, "", deleted)
