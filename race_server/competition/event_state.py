@@ -33,6 +33,7 @@ class Entrant:
     is_local: bool = False  # inside the server
     is_apart: bool = False  # a process that the server starts
     is_tracked: bool = False  # a real kart
+    is_sent_away: bool = False  # by stewards, for the rest of the event
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,10 @@ class LiveEvent:
         """
         server = self._server
         server.session.is_event = server.session.keeps_seats = True
+        for one in self.state.entrants:
+            if one.is_sent_away:
+                server.session.seats.close(one.seat, sent_away=True)
+                server.link.bar_seat(one.seat, is_barred=True)
         if resumed is not None:
             self._go_on(*resumed)
         else:
@@ -110,6 +114,7 @@ class LiveEvent:
                 seat.is_ready = seat.is_ready and seat.is_tracked
         server.lobby.wait_until(lambda: False, cool_down_s)
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
+        self._save()  # with whom stewards sent away
         if server.is_stopped:
             return None
         there = [seat.number for seat in seats if seat.is_present]
@@ -222,10 +227,15 @@ class LiveEvent:
     def _save(self) -> None:
         """Write the event to its file."""
         session = self._server.session
-        keys = {seat.number: (seat.preset, seat.key.hex()) for seat in session.seats.taken()}
+        seats = {seat.number: seat for seat in session.seats.taken()}
         entrants = tuple(
-            replace(one, preset=keys[one.seat][0], key=keys[one.seat][1])
-            if one.seat in keys
+            replace(
+                one,
+                preset=seats[one.seat].preset,
+                key=seats[one.seat].key.hex(),
+                is_sent_away=session.seats.is_sent_away(one.seat),
+            )
+            if one.seat in seats
             else one
             for one in self.state.entrants
         )
@@ -254,10 +264,10 @@ class LiveEvent:
             seat.is_taken = True
             session.seats.put(seat)
             server.link.holders.admit(one.seat, key)
-            if one.is_local:
+            if one.is_local and not one.is_sent_away:
                 server.local_drivers.readmit(one.driver, one.seat)
         session.prepare(session.scenario)
-        gone = [one for one in self.state.entrants if one.is_apart]
+        gone = [one for one in self.state.entrants if one.is_apart and not one.is_sent_away]
         if gone:
             # After a kill they are still there, and come back by themselves.
             server.lobby.wait_until(

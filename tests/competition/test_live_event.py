@@ -133,6 +133,21 @@ def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> 
     assert [row.place for row in day.ledger.classification()] == [1, 0]
 
 
+@pytest.mark.parametrize(
+    "killed", [{"kill_at_tick": 120}, {"kill_after_race": True, "race": 1}], ids=["in", "after"]
+)
+def test_a_driver_that_stewards_sent_away_does_not_come_back_with_a_new_server(
+    killed: dict[str, int], tmp_path: Path
+) -> None:
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kicked=1, **killed)
+    rows = served.run().ledger.trials()[0].rows
+    assert [drive.remark for drive in rows[1].attempts] == [
+        "did not start: not there 0.2 s after the call"
+    ] * 2
+
+
 def test_a_decision_of_stewards_changes_the_classification(tmp_path: Path) -> None:
     served = Served(spec_of(tmp_path), ("raceline",))
     day = served.run(penalty_after=1, penalised=0, seconds=10.0)

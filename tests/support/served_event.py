@@ -64,7 +64,7 @@ class Served:
         plan = DayPlan(form, teams_of(["driver"] * seats), courses, TT02, 1, needs_line=True)
         return waiting_scenario(plan, seats)
 
-    def run(self, *, kill_in_review: bool = False, **what: float) -> Day:
+    def run(self, *, kill_in_review: bool = False, kicked: int = -1, **what: float) -> Day:
         """Serve until the event is over, or what is to happen; races are counted from 0."""
         spec, said = self.spec, self.said
         with (
@@ -88,6 +88,9 @@ class Served:
             assert state is not None
             event = LiveEvent(server, spec, state, Log(), lambda *_: None)
             self._arrange(server, event, **what)
+            if kicked >= 0:
+                server.session.keeps_seats = True
+                server.session.race_control.exclude(kicked)
             self._note_reviews(event, kill_in_review=kill_in_review)
             resumed = (recording, restored[1]) if recording and restored else None
             assert event.run(resumed)
