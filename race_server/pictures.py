@@ -6,8 +6,19 @@ from typing import Any
 from race_server.errors import ScenarioError
 from race_server.printable import printable
 
+SUFFIXES = (".png", ".svg")
 # Of drivers in their order, far enough apart for people who see few colours.
 DRIVER_COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#f9a825")
+
+
+def check_picture(path: Path) -> None:
+    """Check, before what is drawn is worked out, that a picture can be drawn into a file.
+
+    Raises:
+        ScenarioError: its suffix is neither .png nor .svg.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ScenarioError(f"{path}: write the picture as {' or '.join(SUFFIXES)}")
 
 
 def bare_axes(panel: Any) -> None:

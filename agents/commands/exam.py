@@ -19,6 +19,7 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -152,8 +153,8 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     drivers, scenarios = known_drivers(options.drivers), names_in(options.scenario)
     if not drivers or not scenarios:
         raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
-    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
-        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    if options.plot is not None:
+        check_picture(options.plot)
     if options.record is not None and options.delay_s:
         raise ScenarioError(
             f"--delay-s {options.delay_s:g}: failures are recorded in sessions, which delay no "

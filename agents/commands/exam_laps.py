@@ -15,6 +15,7 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import Unfit, drivers_for, names_in
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -26,19 +27,22 @@ LEARNED = "learned:"
 DRIVERS = ("raceline", "follow_gap")
 
 
+Drivers = Annotated[
+    str,
+    typer.Option(
+        "--drivers",
+        "--driver",
+        help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
+        "are made for the vehicle.",
+    ),
+]
+
+
 @dataclass(frozen=True)
 class LapOptions:
     """All options of `race exam laps`."""
 
-    drivers: Annotated[
-        str,
-        typer.Option(
-            "--drivers",
-            "--driver",
-            help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
-            "are made for the vehicle.",
-        ),
-    ] = ""
+    drivers: Drivers = ""
     unfit: Unfit = False
     courses: Annotated[
         int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
@@ -95,8 +99,8 @@ def laps(options: LapOptions) -> None:
     drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
     if not drivers:
         raise ScenarioError("--drivers needs a name, or several separated by commas")
-    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
-        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    if options.plot is not None:
+        check_picture(options.plot)
     names = (
         courses_in(options.folder)
         if options.folder is not None

@@ -8,33 +8,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from race_agents.commands.exam_laps import editions_of
+from race_agents.commands.exam_laps import DRIVERS, Drivers, editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import Unfit, drivers_for, names_in
 from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
     from race_server.competition.lap_exam import LapExamSpec
     from race_server.competition.lap_sweep import SweepRow
 
-DRIVERS = ("raceline", "follow_gap")
-
 
 @dataclass(frozen=True)
 class SweepOptions:
     """All options of `race exam sweep`."""
 
-    drivers: Annotated[
-        str,
-        typer.Option(
-            "--drivers",
-            "--driver",
-            help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
-            "are made for the vehicle.",
-        ),
-    ] = ""
+    drivers: Drivers = ""
     unfit: Unfit = False
     tracks: Annotated[
         str, typer.Option(help="Comma-separated tracks, each driven at each step.")
@@ -63,8 +54,8 @@ def sweep(options: SweepOptions) -> None:
     for names, option in ((drivers, "--drivers"), (tracks, "--tracks")):
         if not names:
             raise ScenarioError(f"{option} needs a name, or several separated by commas")
-    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
-        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    if options.plot is not None:
+        check_picture(options.plot)
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
     console = Console(stderr=True)
     rows, stopped = _sweep(spec, drivers, console, quiet=options.as_json)

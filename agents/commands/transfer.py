@@ -13,6 +13,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers, names_in
 from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -76,8 +77,8 @@ def transfer(options: TransferOptions) -> None:
     if not is_target(options.to):
         raise ScenarioError(f"--to {options.to!r}: choose {NAME} or {NAME}-itself")
     check_simulator(options.to)
-    if options.plot is not None and options.plot.suffix.lower() not in {".png", ".svg"}:
-        raise ScenarioError(f"{options.plot}: write the picture as .png or .svg")
+    if options.plot is not None:
+        check_picture(options.plot)
     tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs, traffic=options.traffic)
     console = Console(stderr=True)

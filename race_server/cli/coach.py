@@ -9,7 +9,7 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
-from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ def coach(
     Laps are compared with the limit of the course and with the driver's best lap. Laps from the
     start, in traffic, under a flag or with a contact are listed, and not compared.
     """
-    if picture is not None and picture.suffix.lower() not in {".png", ".svg"}:
-        raise ScenarioError(f"{picture}: write the picture as .png or .svg")
+    if picture is not None:
+        check_picture(picture)
     console = Console(stderr=True)
     lessons = _lessons(source, track, vehicle, laps, seed, only, console)
     if picture is not None:

@@ -21,7 +21,8 @@ def evening(
     keep: Annotated[
         Path | None,
         typer.Option(
-            help="New folder for the event, its recordings and results, and pictures of the page."
+            file_okay=False,
+            help="New folder for the event, its recordings and results, and pictures of the page.",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -183,9 +183,10 @@ def _serve_events(
             elif state.is_final:
                 print_tables(day.plan, day.ledger, Console())
 
-    awaited = min(service.awaited, len(server.session.seats))
+    seats, name = len(server.session.seats), file_name(server)
+    awaited = min(service.awaited, seats)
     while not server.is_stopped:
-        state = unfinished_event(spec, file_name(server), log) or begin_event(server, spec, awaited)
+        state = unfinished_event(spec, name, seats, log) or begin_event(server, spec, awaited)
         if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
             return
         resumed = None

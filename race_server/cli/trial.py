@@ -206,7 +206,7 @@ def _names(text: str, option: str) -> list[str]:
 def _check_files(plot: Path | None, *tables: Path | None) -> None:
     """Check before the first run that the files can be written."""
     if plot is not None:
-        from race_server.competition.time_trial.draw import check_picture
+        from race_server.pictures import check_picture
 
         check_picture(plot)
     for path in (plot, *tables):

@@ -14,7 +14,7 @@ from race_server.competition.race_day.record import RaceRecord, Team
 from race_server.core.clock import MICROSECONDS
 from race_server.core.messages import EventPhase, Phase
 from race_server.live.server import RaceServer
-from race_server.net.wire.ghosts import encode_ghosts
+from race_server.net.wire.ghosts import GhostFrame, encode_ghosts
 from race_server.net.wire.programme import (
     Call,
     DeletedLap,
@@ -44,22 +44,16 @@ class EventBoard:
         self._drive: Drive | None = None  # that is on, or was last
         self._phase, self._until_us = EventPhase.CALLED, 0
         self._made: tuple[int, bytes] = (0, b"")  # of how many events of the race
-        self._shown = b""  # ghosts
+        self._shown: tuple[GhostFrame, ...] = ()
 
-    def show(
-        self, day: Day, phase: EventPhase, *, waits_s: float = 0.0, resumes: bool = False
-    ) -> None:
-        """Show the event as it stands from now on.
-
-        waits_s: how long a call or a review takes; resumes: the race that is on has begun already.
-        """
+    def show(self, day: Day, phase: EventPhase, *, waits_s: float = 0.0) -> None:
+        """Show the event as it stands from now on. waits_s: how long a call or a review takes."""
         if phase in {EventPhase.CALLED, EventPhase.ON_TRACK} and day.next is not None:
             self._drive = day.next
         self._day, self._phase, self._made = day, phase, (0, b"")
         until_us = time.monotonic_ns() // 1000 + round(waits_s * MICROSECONDS)
         self._until_us = until_us if waits_s else 0
-        epoch = self._server.session.epoch + (not resumes)  # races are counted when they begin
-        self._shown = self._make_ghosts(day, epoch) if phase is EventPhase.ON_TRACK else b""
+        self._shown = self._find_ghosts(day) if phase is EventPhase.ON_TRACK else ()
 
     def renew(self) -> None:
         """Make the message again: a result has changed."""
@@ -80,7 +74,8 @@ class EventBoard:
     @property
     def ghosts(self) -> bytes:
         """The message with what is driven against now; empty where there is nothing."""
-        return self._shown
+        # A race that stewards start again has another epoch.
+        return encode_ghosts(self._server.session.epoch, self._shown) if self._shown else b""
 
     def _frame(self, day: Day) -> ProgrammeFrame:
         drive, is_on = self._drive, self._phase is EventPhase.ON_TRACK
@@ -112,14 +107,13 @@ class EventBoard:
             DeletedLap(number, lap, why) for lap, why in incidents.deleted(self._seats[team])
         )
 
-    def _make_ghosts(self, day: Day, epoch: int) -> bytes:
+    def _find_ghosts(self, day: Day) -> tuple[GhostFrame, ...]:
         drive = self._drive
         trial = _trial_of(day, drive) if drive else None
         if drive is None or trial is None:
-            return b""
+            return ()
         self._server.watchdog.rest()  # laps are driven again to be shown
-        found = self._ghosts.for_attempt(trial, drive.grid[0].name, self._seats)
-        return encode_ghosts(epoch, found) if found else b""
+        return self._ghosts.for_attempt(trial, drive.grid[0].name, self._seats)
 
 
 def programme_of(

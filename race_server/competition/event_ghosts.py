@@ -51,9 +51,7 @@ class EventGhosts:
             return None
         number = row.times_us.index(row.time_us) + 1
         title = attempt_title(stage, Team(row.team, ""), number)
-        if title not in self._traces:
-            self._traces[title] = self._trace_of(title, stage, seat)
-        trace = self._traces[title]
+        trace = self._trace_of(title, stage, seat)
         if trace is None:
             return None
         time_us = round(float(trace[0, -1]) * MICROSECONDS)
@@ -62,11 +60,16 @@ class EventGhosts:
         return GhostFrame(row.team, seat, is_best, from_lights, time_us, *samples)
 
     def _trace_of(self, title: str, stage: TimeTrial, seat: int) -> Floats | None:
-        """Return what counts of an attempt, (4, N); None where it was not recorded."""
-        self._look()
-        path = self._paths.get(title)
-        if path is None:
-            return None
+        """Return what counts of an attempt, (4, N); None where it was not recorded, or not yet."""
+        if title not in self._traces:
+            self._look()
+            if title not in self._paths:
+                return None
+            self._traces[title] = self._cut_out(self._paths[title], stage, seat)
+        return self._traces[title]
+
+    def _cut_out(self, path: Path, stage: TimeTrial, seat: int) -> Floats | None:
+        """Return what counts in the recording of an attempt, (4, N); None for nothing."""
         try:
             laps = [one.lap for one in recorded_laps(read_recording(path)).laps if one.seat == seat]
         except RaceError as error:

@@ -92,13 +92,13 @@ def file_name(server: RaceServer) -> str:
     return server.logbook.session if server.logbook else server.session.name
 
 
-def unfinished_event(spec: EventSpec, name: str, log: Log) -> EventState | None:
+def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventState | None:
     """Return the event of a server that has begun and is not over, None where there is none.
 
-    name: of its file, see `file_name`.
+    name: of its file, see `file_name`; seats: of the server now.
 
     Raises:
-        ScenarioError: it is of another format, or cannot be read.
+        ScenarioError: it is of another format, has drivers on more seats, or cannot be read.
     """
     state = EventFile(spec.folder, name).read()
     if state is None:
@@ -107,6 +107,12 @@ def unfinished_event(spec: EventSpec, name: str, log: Log) -> EventState | None:
         raise ScenarioError(
             f"the event {state.name} is not over and has format {state.format.name}: go on with "
             f"--format {state.format.name}, or begin another one with --fresh"
+        )
+    needed = 1 + max(one.seat for one in state.entrants)
+    if needed > seats:
+        raise ScenarioError(
+            f"the event {state.name} is not over and has a driver on seat {needed - 1}: go on with "
+            f"--karts {needed} or more, or begin another one with --fresh"
         )
     done = f"{len(state.records)} of {state.plan().drives()}"
     log.warn("going on with an event", name=state.name, driven=done)

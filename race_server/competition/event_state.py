@@ -33,6 +33,7 @@ class Entrant:
     is_local: bool = False  # inside the server
     is_apart: bool = False  # a process that the server starts
     is_tracked: bool = False  # a real kart
+    is_sent_away: bool = False  # by stewards, for the rest of the event
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class EventState:
     epoch: int = 0  # of the last race
     records: tuple[RaceRecord, ...] = ()  # of the attempts and races so far
     protests: tuple[Protest, ...] = ()
+    reviewed: str = ""  # the newest stage, or round of races, whose review is over
     is_final: bool = False
 
     def plan(self) -> DayPlan:

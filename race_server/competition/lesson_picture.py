@@ -10,8 +10,7 @@ from race_server.coaching.lesson import Lesson, Studied
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.state import Floats
 from race_server.errors import ScenarioError
-from race_server.pictures import save_and_close
-from race_server.scenario.track.sheet import SUFFIXES
+from race_server.pictures import check_picture, save_and_close
 
 _INK, _PAPER, _ROAD, _EDGE = "#20242a", "#ffffff", "#e9ebee", "#9aa0a8"
 _OWN, _LIMIT, _AGAINST_BEST = "#1565c0", "#20242a", "#90a4ae"
@@ -31,8 +30,7 @@ def draw_lesson(lesson: Lesson, path: Path) -> None:
         ScenarioError: the file's suffix is neither .png nor .svg, it cannot be written, or no lap
             counts.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ScenarioError(f"{path}: write the picture as .png or .svg")
+    check_picture(path)
     best = lesson.best
     if best is None:
         reasons = "; ".join(f"lap {one.number}: {one.reason}" for one in lesson.laps) or "none"

@@ -71,6 +71,10 @@ class LiveEvent:
         """
         server = self._server
         server.session.is_event = server.session.keeps_seats = True
+        for one in self.state.entrants:
+            if one.is_sent_away:
+                server.session.seats.close(one.seat, sent_away=True)
+                server.link.bar_seat(one.seat, is_barred=True)
         if resumed is not None:
             self._go_on(*resumed)
         else:
@@ -78,15 +82,13 @@ class LiveEvent:
             if (record := self._found()) is not None:
                 self._add(record)
         self._save()
-        if self._desk.is_busy:
-            self._review(self.day.driven[-1])
+        self._review_if_due()
         while (drive := self.day.next) is not None and not server.is_stopped:
             record = self._drive(drive)
             if record is None:
                 return False
             self._add(record)
-            if self.day.next is None or self.day.next.block != drive.block:
-                self._review(drive)
+            self._review_if_due()
         if self.day.next is not None or server.is_stopped:
             return False
         self.state = replace(self.state, is_final=True)
@@ -112,6 +114,7 @@ class LiveEvent:
                 seat.is_ready = seat.is_ready and seat.is_tracked
         server.lobby.wait_until(lambda: False, cool_down_s)
         server.lobby.wait_until(lambda: all(map(self._is_ready, seats)), self._spec.call_s)
+        self._save()  # with whom stewards sent away
         if server.is_stopped:
             return None
         there = [seat.number for seat in seats if seat.is_present]
@@ -161,18 +164,28 @@ class LiveEvent:
         incidents.record_events(events)
         return record_of(session, self._teams, incidents)
 
-    def _review(self, drive: Drive) -> None:
-        """Leave the stewards their time after a stage, or a round of one, and all protests."""
-        self._desk.block = drive.block
+    def _review_if_due(self) -> None:
+        """Review a stage, or a round of one, that is driven and was not reviewed to the end."""
+        block = self.day.driven[-1].block if self.day.driven else ""
+        is_driven = self.day.next is None or self.day.next.block != block
+        if block and is_driven and block != self.state.reviewed:
+            self._review(block)
+
+    def _review(self, block: str) -> None:
+        """Leave the stewards their time for the results of a block, and for all protests."""
+        self._desk.block = block
         if self._spec.review_s > 0.0:
             self._board.show(self.day, EventPhase.REVIEWED, waits_s=self._spec.review_s)
-            self._log.say("provisional", stage=drive.block, review_s=self._spec.review_s)
+            self._log.say("provisional", stage=block, review_s=self._spec.review_s)
             self._server.lobby.wait_until(lambda: False, self._spec.review_s)
         if self._desk.is_busy:
             self._board.show(self.day, EventPhase.REVIEWED)
-            self._log.warn("waiting for the decision on a protest", stage=drive.block)
+            self._log.warn("waiting for the decision on a protest", stage=block)
             self._server.lobby.wait_until(lambda: not self._desk.is_busy)
         self._desk.block = ""
+        if not self._server.is_stopped:
+            self.state = replace(self.state, reviewed=block)
+            self._save()
 
     # What is written down
 
@@ -214,10 +227,15 @@ class LiveEvent:
     def _save(self) -> None:
         """Write the event to its file."""
         session = self._server.session
-        keys = {seat.number: (seat.preset, seat.key.hex()) for seat in session.seats.taken()}
+        seats = {seat.number: seat for seat in session.seats.taken()}
         entrants = tuple(
-            replace(one, preset=keys[one.seat][0], key=keys[one.seat][1])
-            if one.seat in keys
+            replace(
+                one,
+                preset=seats[one.seat].preset,
+                key=seats[one.seat].key.hex(),
+                is_sent_away=session.seats.is_sent_away(one.seat),
+            )
+            if one.seat in seats
             else one
             for one in self.state.entrants
         )
@@ -246,10 +264,10 @@ class LiveEvent:
             seat.is_taken = True
             session.seats.put(seat)
             server.link.holders.admit(one.seat, key)
-            if one.is_local:
+            if one.is_local and not one.is_sent_away:
                 server.local_drivers.readmit(one.driver, one.seat)
         session.prepare(session.scenario)
-        gone = [one for one in self.state.entrants if one.is_apart]
+        gone = [one for one in self.state.entrants if one.is_apart and not one.is_sent_away]
         if gone:
             # After a kill they are still there, and come back by themselves.
             server.lobby.wait_until(
@@ -266,7 +284,7 @@ class LiveEvent:
             seat.is_ready = False
         if drive is not None:
             self._desk.block = drive.block
-        self._board.show(self.day, EventPhase.ON_TRACK, resumes=True)
+        self._board.show(self.day, EventPhase.ON_TRACK)
         server.resume(recording, events)
         occasion = server.session.scenario.occasion
         if drive is not None and occasion == drive.scenario.occasion:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+MOST_STINTS = 16  # of a kart; older ones are forgotten
+
 
 @dataclass(frozen=True)
 class Stint:

@@ -5,9 +5,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from race_server.core.messages import Event, EventKind
-from race_server.core.stint import Stint
+from race_server.core.stint import MOST_STINTS, Stint
 
-MOST = 16  # of a kart; older ones are forgotten
 _STOPS = {EventKind.STUCK, EventKind.RESCUED}
 
 
@@ -28,7 +27,7 @@ class Stints:
             if event.kind is EventKind.LAP or event.kind is EventKind.USE or event.kind in _STOPS:
                 stints = self._all[event.kart]
                 stints[-1:] = _after(stints[-1], event)
-                del stints[:-MOST]
+                del stints[:-MOST_STINTS]
 
 
 def _after(stint: Stint, event: Event) -> list[Stint]:

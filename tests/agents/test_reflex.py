@@ -172,7 +172,7 @@ def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reac
     assert unit._watch_ahead(0.0, 0.0, 2.0).brake == 1.0
     seen = unit.alert().danger
     assert (seen.stage, seen.kind) == (DangerStage.FULL, RayHit.OBSTACLE)
-    assert (seen.distance, seen.bearing, seen.time_s) == (1.0, 0.0, 0.5)
+    assert (seen.distance, seen.bearing, seen.time_s) == pytest.approx((1.0, 0.0, 0.5))
     unit.echoes = unit.loose = Echoes.nothing()
     for later_s, brake in ((0.1, 1.0), (UNSEEN_S - 0.2, 1.0), (0.2, 0.0)):
         unit._time_s += later_s

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from race_server.competition.event_board import programme_of
+from race_server.competition.event_ghosts import EventGhosts
 from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.competition.race_day.protest import Protest
@@ -10,6 +11,7 @@ from race_server.competition.race_day.record import DeletedLap, RaceRecord, Team
 from race_server.core.messages import EventKind, EventPhase, Fault, Retirement
 from race_server.core.vehicle_presets import TT02
 from race_server.live.server.resume import restore_session
+from race_server.logs import Log
 from race_server.net.wire.ghosts import GhostFrame, decode_ghosts
 from race_server.net.wire.programme import (
     Call,
@@ -71,6 +73,29 @@ def test_recordings_of_a_time_trial_show_who_drives_against_which_ghost_and_who_
         ("follow_gap", 2, times["follow_gap"]),
     ]
     assert over.driven == 4
+
+
+def test_an_attempt_that_stewards_start_again_has_its_ghost(tmp_path: Path) -> None:
+    Served(spec_of(tmp_path), ("raceline", "follow_gap")).run(race=2, restart_at_tick=60)
+    for path in sorted(tmp_path.glob("cup-????????-??????-???.mcap"))[2:]:
+        epoch = read_recording(path).start.epoch
+        lines = [line.data for line in read_lines(path) if line and line.kind is GHOSTS]
+        assert {decode_ghosts(line)[0] for line in lines} == {epoch}
+    assert epoch == 5
+
+
+def test_an_attempt_whose_recording_comes_late_is_a_ghost_from_then_on(tmp_path: Path) -> None:
+    day = Served(spec_of(tmp_path), ("raceline",)).run()
+    recordings = sorted(tmp_path.glob("cup-????????-??????-???.mcap"))
+    ghosts = EventGhosts(tmp_path, "cup-*.mcap", day.event, Log())
+    trial = day.ledger.trials()[0]
+    for path in recordings:
+        path.rename(path.with_suffix(".part"))
+    assert ghosts.for_attempt(trial, "raceline", {"raceline": 0}) == ()
+    for path in recordings:
+        path.with_suffix(".part").rename(path)
+    (best,) = ghosts.for_attempt(trial, "raceline", {"raceline": 0})
+    assert best.time_us == min(trial.rows[0].times_us)
 
 
 def result_of(team: str, place: int, lap_us: int, deleted: tuple[DeletedLap, ...]) -> TeamResult:

@@ -108,6 +108,20 @@ def test_a_race_that_was_stopped_in_the_evening_is_driven_again_next_morning(
     assert sorted(ended) == ["finished", "finished", "finished", "stopped"]
 
 
+def test_a_review_in_which_the_server_was_killed_begins_again_and_one_that_is_over_does_not(
+    tmp_path: Path,
+) -> None:
+    spec = replace(spec_of(tmp_path, EVENING), review_s=0.05)
+    served = Served(spec, ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_in_review=True)
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=120, race=2)
+    served.run()
+    # After both attempts, once more, and after the heat.
+    assert served.reviews == [2, 2, 3]
+
+
 def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> None:
     served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
     day = served.run(gone=1)
@@ -117,6 +131,21 @@ def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> 
         "did not start: not there 0.2 s after the call"
     ] * 2
     assert [row.place for row in day.ledger.classification()] == [1, 0]
+
+
+@pytest.mark.parametrize(
+    "killed", [{"kill_at_tick": 120}, {"kill_after_race": True, "race": 1}], ids=["in", "after"]
+)
+def test_a_driver_that_stewards_sent_away_does_not_come_back_with_a_new_server(
+    killed: dict[str, int], tmp_path: Path
+) -> None:
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kicked=1, **killed)
+    rows = served.run().ledger.trials()[0].rows
+    assert [drive.remark for drive in rows[1].attempts] == [
+        "did not start: not there 0.2 s after the call"
+    ] * 2
 
 
 def test_a_decision_of_stewards_changes_the_classification(tmp_path: Path) -> None:
@@ -183,7 +212,17 @@ def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
     with pytest.raises(Killed):
         served.run(kill_at_tick=60)
     with pytest.raises(ScenarioError, match="go on with --format time-trial"):
-        unfinished_event(spec_of(tmp_path, EVENING), "cup", Log())
+        unfinished_event(spec_of(tmp_path, EVENING), "cup", 2, Log())
+
+
+def test_an_event_is_not_gone_on_with_on_fewer_seats_than_it_has_drivers_on(
+    tmp_path: Path,
+) -> None:
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60)
+    with pytest.raises(ScenarioError, match="go on with --karts 2 or more"):
+        unfinished_event(served.spec, "cup", 1, Log())
 
 
 def test_a_race_that_is_not_over_is_part_of_the_event_until_that_is_put_away(

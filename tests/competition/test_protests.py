@@ -6,6 +6,7 @@ import pytest
 
 from race_server.competition.event_state import Entrant, EventState, read_event
 from race_server.competition.protest_desk import ProtestDesk
+from race_server.competition.race_day.languages import language_of, translated
 from race_server.competition.race_day.points import place_points
 from race_server.competition.race_day.protest import (
     DISMISSED,
@@ -86,6 +87,14 @@ def test_a_team_that_is_disqualified_comes_last_and_no_lap_of_it_counts() -> Non
     assert points == {"Bert": place_points(1, (), 0), "Anna": 0}
     assert desk._day.records[2] is RACE
     assert not desk.is_busy
+
+
+def test_what_stewards_wrote_is_one_remark_and_stays_as_it_is_in_french() -> None:
+    desk = desk_after(*attempts(), RACE)
+    desk.disqualify(0, "too light; out", "marshal")
+    table = next(one for one in tables_of(desk._day.plan, desk._day.ledger) if "Heat" in one.title)
+    rows = translated(table, language_of("fr")).rows
+    assert "disqualifié : too light, out" in [cell for row in rows for cell in row]
 
 
 def test_a_protest_may_end_in_disqualification() -> None:

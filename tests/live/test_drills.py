@@ -1,5 +1,6 @@
 """The drills as a whole, and the parts of them that need no race."""
 
+import json
 import struct
 from pathlib import Path
 
@@ -7,6 +8,9 @@ import numpy as np
 import pytest
 
 from race_server.cli import drill
+from race_server.competition.launch import ProcessGroup
+from race_server.tools.drills.chromium import PAGE_ERROR
+from race_server.tools.drills.evening import Evening
 from race_server.tools.drills.report import SmallDrill
 from race_server.tools.drills.small import run_all, small_drills
 from race_server.tools.drills.soak import memory_slope
@@ -50,3 +54,13 @@ def test_a_log_is_torn_where_frames_follow_its_last_commit(tmp_path: Path) -> No
     assert is_torn(log)
     log.write_bytes(head + frame + commit)
     assert not is_torn(log)
+
+
+def test_an_error_of_a_page_is_a_fault_of_the_evening_while_a_kill_is_waited_for_too(
+    tmp_path: Path,
+) -> None:
+    words = {"timestamp": "now", "event": PAGE_ERROR, "why": "no such seat"}
+    (tmp_path / "log").write_text(json.dumps(words) + "\n")
+    evening = Evening(tmp_path, ProcessGroup(), None)
+    assert not any(line["event"] == "going on with an event" for line in evening.lines())
+    assert evening.faults == ["an error of the page: no such seat"]

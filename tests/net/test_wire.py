@@ -208,6 +208,14 @@ def test_a_course_comes_back_as_it_was_sent() -> None:
     assert same(lobby.decode_course(lobby.encode_course(COURSE)), COURSE)
 
 
+@pytest.mark.parametrize("name", ["line", "borders"])
+def test_a_course_with_a_place_that_is_no_number_is_refused(name: str) -> None:
+    array = getattr(COURSE, name).copy()
+    array[0, 0] = np.nan
+    with pytest.raises(WireError, match=f"{name} of a course are not all finite"):
+        lobby.decode_course(lobby.encode_course(replace(COURSE, **{name: array})))
+
+
 def test_a_line_comes_back_as_it_was_sent_and_so_does_none() -> None:
     for sheet in (LINE, line.LineSheet()):
         assert same(line.decode_line(line.encode_line(sheet)), sheet)

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from race_server.core.vehicle_presets import KART_30, TT02, VEHICLES
-from race_server.errors import TrackError
+from race_server.errors import ScenarioError, TrackError
 from race_server.scenario.track.blocks import Loop, lay
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.draw import draw_course
@@ -230,7 +230,7 @@ def test_a_course_is_drawn_as_png_or_svg(tmp_path: Path, suffix: str) -> None:
 
 
 def test_another_kind_of_picture_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match=r"as \.png or \.svg"):
+    with pytest.raises(ScenarioError, match=r"as \.png or \.svg"):
         draw_course(load_course("oval"), tmp_path / "oval.bmp")
 
 

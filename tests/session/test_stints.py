@@ -1,8 +1,8 @@
 """Stints: what a kart drives from one stop to the next."""
 
 from race_server.core.messages import Event, EventKind
-from race_server.core.stint import Stint
-from race_server.session.stints import MOST, Stints
+from race_server.core.stint import MOST_STINTS, Stint
+from race_server.session.stints import Stints
 
 
 def event(kind: EventKind, kart: int = 3, value: int = 0) -> Event:
@@ -23,5 +23,5 @@ def test_of_many_stints_the_newest_sixteen_are_told() -> None:
     stints = Stints()
     stints.add([event(EventKind.LAP, value=7), event(EventKind.RESCUED)] * 20)
     told = stints.of(3)
-    assert len(told) == MOST == 16
+    assert len(told) == MOST_STINTS == 16
     assert told[-2:] == (Stint(20, 1, 7, 0), Stint(21, 0, 0, 0))

@@ -30,7 +30,7 @@ class Loop:
         self.around = Surroundings(course.borders)
         place = tuple(float(value) for value in course.grid[0])
         self.plant = Plant.of(vehicle, self.around, place, Sensors(**sensors), seed=5)
-        fence = CourseFence(course.line, course.half_widths, course.kerb)
+        fence = CourseFence.of(course.line, course.half_widths, course.kerb, course.borders)
         self.unit = ControlUnit.of(vehicle, fence)
         self.vehicle, self.sequence, self.pace, self.foot_down = vehicle, 0, 2.0 * size**0.7, False
         self.events: list[Event] = []

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from race_server.competition.event_spec import (
     EventSpec,
@@ -16,7 +17,7 @@ from race_server.competition.race_day.formats import Format, Races, TimeTrial, f
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.competition.race_day.record import RaceRecord
 from race_server.core.driver import driver_named
-from race_server.core.messages import Fault
+from race_server.core.messages import EventPhase, Fault
 from race_server.core.vehicle_presets import TT02
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.resume import restore_session
@@ -55,6 +56,7 @@ class Served:
     def __init__(self, spec: EventSpec, drivers: tuple[str, ...]) -> None:
         self.spec, self.drivers = spec, drivers
         self.said: list[str] = []
+        self.reviews: list[int] = []  # after how many attempts and races
 
     @staticmethod
     def scenario_for(seats: int, form: Format = TRIAL) -> Scenario:
@@ -62,7 +64,7 @@ class Served:
         plan = DayPlan(form, teams_of(["driver"] * seats), courses, TT02, 1, needs_line=True)
         return waiting_scenario(plan, seats)
 
-    def run(self, **what: float) -> Day:
+    def run(self, *, kill_in_review: bool = False, kicked: int = -1, **what: float) -> Day:
         """Serve until the event is over, or what is to happen; races are counted from 0."""
         spec, said = self.spec, self.said
         with (
@@ -78,7 +80,7 @@ class Served:
             server = RaceServer(
                 restored[0] if restored else session, link, LOCKSTEP, (), keeper, book
             )
-            state = unfinished_event(spec, "cup", Log())
+            state = unfinished_event(spec, "cup", seats, Log())
             if state is None:
                 for seat, name in enumerate(self.drivers):
                     server.local_drivers.admit(name, driver_named(name), seat)
@@ -86,6 +88,10 @@ class Served:
             assert state is not None
             event = LiveEvent(server, spec, state, Log(), lambda *_: None)
             self._arrange(server, event, **what)
+            if kicked >= 0:
+                server.session.keeps_seats = True
+                server.session.race_control.exclude(kicked)
+            self._note_reviews(event, kill_in_review=kill_in_review)
             resumed = (recording, restored[1]) if recording and restored else None
             assert event.run(resumed)
             return event.day
@@ -99,6 +105,7 @@ class Served:
         kill_at_tick: int = -1,
         stop_at_tick: int = -1,
         remove_at_tick: int = -1,
+        restart_at_tick: int = -1,
         kill_after_race: bool = False,
         gone: int = -1,
         penalty_after: int = -1,
@@ -115,6 +122,7 @@ class Served:
                     raise Killed
                 if server.session.tick == remove_at_tick:
                     server.session.race_control.remove(penalised, Fault.RAMMING)
+                server._steward.wants_restart = server.session.tick == restart_at_tick
                 if 0 <= stop_at_tick <= server.session.tick:
                     server.stop()
 
@@ -133,3 +141,15 @@ class Served:
         if gone >= 0:
             server.session.keeps_seats = True
             server.session.drop(gone)
+
+    def _note_reviews(self, event: LiveEvent, *, kill_in_review: bool) -> None:
+        show = event._board.show
+
+        def shown(day: Day, phase: EventPhase, **how: Any) -> None:
+            show(day, phase, **how)
+            if phase is EventPhase.REVIEWED:
+                self.reviews.append(len(day.records))
+                if kill_in_review:
+                    raise Killed
+
+        event._board.show = shown  # type: ignore[method-assign]

@@ -102,6 +102,9 @@ test('an attempt is left its limit, a call the time until it ends', () => {
 
 test('what is on, and why a lap does not count, is told in the language of the reader', () => {
   expect(nowText(programme(), en)).toBe('Trial, attempt 1 of 2');
+  // It is over: its time is among those of the team already.
+  const over = programme({ teams: [team({ attemptsUs: [9e6] })] });
+  expect(nowText(over, en)).toBe('Trial, attempt 1 of 2');
   const why = 'touched a border, left out gate 3';
   const anna = team({ deleted: [{ attempt: 1, lap: 2, why }], remark: '' });
   expect(remarksOn(anna, en)).toBe('A1 lap 2 deleted: touched a border, left out gate 3');

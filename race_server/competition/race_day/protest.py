@@ -69,7 +69,8 @@ def _penalised(drive: TeamResult, protest: Protest) -> TeamResult:
 def _disqualified(drive: TeamResult, protest: Protest) -> TeamResult:
     """Return a result without place, time and laps that count."""
     laps = range(1, len(drive.lap_times_us) + 1)
-    remark = f"disqualified: {protest.why}"
+    # One remark: sheet and page say each part between two "; " in the reader's language.
+    remark = f"disqualified: {protest.why.replace('; ', ', ')}"
     return replace(
         drive,
         place=0,

@@ -12,10 +12,9 @@ from race_server.competition.time_trial.lap import SPEED, X, Y, column_at
 from race_server.competition.time_trial.table import seconds_text
 from race_server.core.state import Floats
 from race_server.errors import TrackError
-from race_server.pictures import save
+from race_server.pictures import check_picture, save
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import draw_on
-from race_server.scenario.track.sheet import SUFFIXES
 
 _COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#ad1457", "#9e9d24", "#5d4037")
 _REFERENCE = "#20242a"
@@ -36,16 +35,6 @@ class Drawn:
     others: tuple[Floats, ...] = ()  # traces of the other laps
 
 
-def check_picture(path: Path) -> None:
-    """Check before the first run that a picture can be drawn into a file.
-
-    Raises:
-        TrackError: its suffix is neither .png nor .svg.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise TrackError(f"{path}: write the picture as .png or .svg")
-
-
 def draw_trial(
     course: Course,
     title: str,
@@ -58,7 +47,8 @@ def draw_trial(
     Without a reference, that is the fastest lap.
 
     Raises:
-        TrackError: the file's suffix is neither .png nor .svg, or it cannot be written.
+        ScenarioError: the file's suffix is neither .png nor .svg.
+        TrackError: it cannot be written.
     """
     check_picture(path)
     import matplotlib

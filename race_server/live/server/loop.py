@@ -157,12 +157,13 @@ class RaceServer:
         The session is restored already, see `race_server.live.server.resume`. events: so far.
         """
         self._persistence.resume(recording)
+        seats = self.session.seats
         for row in recording.start.seats:
-            if row.is_local:
+            if row.is_local and not seats.is_sent_away(row.number):
                 self.local_drivers.readmit(row.driver, row.number)
             else:
                 # As it is now: a driver that was sent away has none.
-                self.link.holders.admit(row.number, self.session.seats[row.number].key)
+                self.link.holders.admit(row.number, seats[row.number].key)
         if self.pace == LOCKSTEP:
             # The world must not run away from drivers that are coming back.
             drive = self.session.lined_up

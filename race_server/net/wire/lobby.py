@@ -298,7 +298,7 @@ def decode_course(data: bytes) -> CourseSheet:
     """Return the course in a message.
 
     Raises:
-        WireError: damaged or foreign.
+        WireError: damaged or foreign, or not finite.
     """
     table = root_of(data, topics.COURSE.identifier, 1 << 24)
     first, count = table.vector(13, U32.size, MOST_TEXTS)
@@ -309,6 +309,8 @@ def decode_course(data: bytes) -> CourseSheet:
             empty = getattr(root, f"{_camel(name)}Length")() == 0
             array = np.zeros(0) if empty else getattr(root, f"{_camel(name)}AsNumpy")()
             arrays[name] = array if columns == 1 else array.reshape(-1, columns)
+            if not np.isfinite(array).all():
+                raise WireError(f"{name} of a course are not all finite")
         return CourseSheet(
             name=root.Name().decode(),
             title=root.Title().decode(),

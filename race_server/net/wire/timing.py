@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from race_server.core.messages import Merit, Timing
-from race_server.core.stint import Stint
+from race_server.core.stint import MOST_STINTS, Stint
 from race_server.errors import WireError
 from race_server.net.wire.generated.spectate import Stint as StintStruct
 from race_server.net.wire.generated.spectate import Timing as TimingTable
 from race_server.net.wire.strict import I16, I64, U32, Table
 
 MOST_SECTIONS = 64
-MOST_STINTS = 16
 _STINT = struct.Struct("<qIII4x")
 
 

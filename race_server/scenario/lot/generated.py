@@ -138,7 +138,7 @@ def _sides_of_a_kerb(chance: Random, widths: tuple[float, float]) -> tuple[float
 
 
 def _along_a_kerb(first: float, length: float, width: float) -> list[str]:
-    """Return the words of a slot. first: its end [m]; length, width: [m]."""
+    """Return the words of a slot. first: where it begins [m]; length, width: [m]."""
     return [
         "[[rows]]",
         f"at = [{first + 0.5 * length:.3f}, {0.5 * width:.3f}]",

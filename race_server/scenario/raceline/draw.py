@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from race_server.errors import TrackError
-from race_server.pictures import save
+from race_server.pictures import check_picture, save
 from race_server.scenario.raceline.result import Limit, Raceline
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.draw import draw_on
-from race_server.scenario.track.sheet import SUFFIXES
 
 _OTHERS = (
     ("centre_line", "centre line", "#ffffff", "--"),
@@ -23,10 +22,10 @@ def draw_limit(course: Course, limit: Limit, title: str, path: Path) -> None:
     """Draw the four lines of a limit into a file.
 
     Raises:
-        TrackError: the file's suffix is neither .png nor .svg, or it cannot be written.
+        ScenarioError: the file's suffix is neither .png nor .svg.
+        TrackError: it cannot be written.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise TrackError(f"{path}: write the picture as .png or .svg")
+    check_picture(path)
     import matplotlib
 
     matplotlib.use("Agg")

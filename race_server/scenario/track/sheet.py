@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from race_server.errors import TrackError
-from race_server.pictures import save
+from race_server.pictures import check_picture, save
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.polyline import corners_of_box
 
-SUFFIXES = (".png", ".svg")
 INK = "#20242a"
 WIDTH = 9.0  # [inches] of a sheet
 
@@ -20,10 +19,10 @@ def draw_into(path: Path, course: Course, paint: Callable[[Any], None]) -> None:
     paint: draws on the axes it is given, in metres.
 
     Raises:
-        TrackError: the file's suffix is neither .png nor .svg, or it cannot be written.
+        ScenarioError: the file's suffix is neither .png nor .svg.
+        TrackError: it cannot be written.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise TrackError(f"{path}: write the picture as .png or .svg")
+    check_picture(path)
     import matplotlib
 
     matplotlib.use("Agg")

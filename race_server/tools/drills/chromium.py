@@ -9,6 +9,7 @@ CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
 )
 MISSING = "no Chromium here: apt-get install chromium"
+PAGE_ERROR = "page error"  # event of a log
 # WebGL by the processor, where there is no graphics card.
 WEBGL_IN_SOFTWARE = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader")
 

@@ -31,7 +31,7 @@ from race_server.competition.launch import (
 from race_server.errors import RaceError
 from race_server.logs import last_words
 from race_server.storage.results.queries import races
-from race_server.tools.drills.chromium import missing_page
+from race_server.tools.drills.chromium import PAGE_ERROR, missing_page
 from race_server.tools.drills.crash import children_of
 from race_server.tools.drills.gateway_process import start_gateway
 from race_server.tools.drills.report import document_of
@@ -86,7 +86,6 @@ LONGEST_S = 900.0
 RESUME_S = 5.0
 
 PAGES = "race_server.tools.drills.page_drivers"
-PAGE_ERROR = "page error"
 
 Line = dict[str, Any]
 
@@ -139,7 +138,7 @@ class Evening:
         return ["--connect", self.address, "--session", SESSION]
 
     def lines(self) -> list[Line]:
-        """Return what the log says since the last call."""
+        """Return what the log says since the last call; errors of the pages are faults."""
         with (self.place / "log").open("rb") as file:
             file.seek(self._read)
             data = file.read()
@@ -153,6 +152,8 @@ class Evening:
                 continue
             if isinstance(words, dict) and "event" in words and "timestamp" in words:
                 said.append(words)
+                if words["event"] == PAGE_ERROR:
+                    self.faults.append(f"an error of the page: {words['why']}")
         return said
 
     @property
@@ -237,8 +238,6 @@ def _follow(evening: Evening, tell: Callable[[int], None]) -> None:
             if line["event"] in {"driven", "found"}:
                 driven, due_at = driven + (line["event"] == "driven"), 0.0
                 tell(driven)
-            elif line["event"] == PAGE_ERROR:
-                evening.faults.append(f"an error of the page: {line['why']}")
             elif line["event"] == "race started" and driven in todo:
                 due_at = time.monotonic() + KILL_S
             elif line["event"] == "called" and driven == KILLED_BEFORE and between:

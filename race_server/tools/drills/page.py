@@ -77,8 +77,9 @@ def drill_page(
         ask = ["--connect", address, "--session", SESSION, "--drivers", "1"]
         ask += ["--browsers", str(clients + OTHERS)]
         started = [start_gateway(place.group, place.log, *ask) for _ in range(gateways)]
-        processes = [*routers, *(process for process, _ in started)]
-        base, token = started[0][1]["base"], started[0][1]["drive"][0].partition("token=")[2]
+        programs, addresses = zip(*started, strict=True)
+        processes = [*routers, *programs]
+        base, token = addresses[0]["base"], addresses[0]["drive"][0].partition("token=")[2]
         with load_clients([_CROWD, "driver", base, token]) as (driving,):
             driving.wait_until_ready()
             place.wait_for(Phase.RUNNING)
@@ -86,7 +87,7 @@ def drill_page(
             before = place.figures()
             time.sleep(min(CALM_S, seconds))
             calm = place.figures()
-            crowds = [[_CROWD, "watchers", one["base"], str(clients)] for _, one in started]
+            crowds = [[_CROWD, "watchers", one["base"], str(clients)] for one in addresses]
             with load_clients(*crowds) as watching:
                 for crowd in watching:
                     crowd.wait_until_ready()

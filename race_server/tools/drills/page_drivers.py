@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 from race_server.competition.launch import START_S
 from race_server.core.messages import EventPhase, Phase
 from race_server.logs import Log
-from race_server.tools.drills.chromium import CHROMIUM
+from race_server.tools.drills.chromium import CHROMIUM, PAGE_ERROR
 from race_server.tools.drills.server_process import wait_until
 
 # A driver looks this far along its way [m], and drives at this speed [m/s]: keys are coarse, and a
@@ -142,7 +142,7 @@ def open_page(browser: Browser, address: str, size: tuple[int, int], log: Log) -
     context = browser.new_context(viewport={"width": width, "height": height}, locale="en")
     page = context.new_page()
     page.add_init_script(FLAT)
-    page.on("pageerror", lambda error: log.warn("page error", why=str(error)))
+    page.on("pageerror", lambda error: log.warn(PAGE_ERROR, why=str(error)))
     page.goto(f"{address}&stats=1")
     return page
 

@@ -22,7 +22,9 @@ export function callOf(programme: ProgrammeFrame | null): string {
 export function nowText(programme: ProgrammeFrame, words: Words): string {
   const team = aloneOn(programme);
   if (!team) return words.event.heading(programme.now?.title ?? '');
-  const attempt = words.event.attempt(team.attemptsUs.length + 1, programme.attempts);
+  // Its times hold it, too, once it is over.
+  const number = /, attempt (\d+)$/.exec(programme.now?.title ?? '')?.[1];
+  const attempt = words.event.attempt(Number(number ?? team.attemptsUs.length + 1), programme.attempts);
   return `${words.event.heading(programme.stage)}, ${attempt}`;
 }
 

@@ -2,7 +2,9 @@
 
 import type { ByteBuffer } from 'flatbuffers';
 import { SensorState } from '../wire/generated/codes.js';
+import type { KartTelemetry as KartTelemetryStruct } from '../wire/generated/spectate/kart-telemetry.js';
 import { Telemetries } from '../wire/generated/spectate/telemetries.js';
+import { rowsOf } from '../wire/rows';
 
 export interface KartTelemetry {
   seat: number;
@@ -20,20 +22,25 @@ const SENSORS = 8;
 
 /** Returns how each kart of a message is; none if it is damaged. */
 export function readTelemetry(buffer: ByteBuffer): KartTelemetry[] {
-  const table = Telemetries.getRootAsTelemetries(buffer);
-  return Array.from({ length: table.kartsLength() }, (_, row) => {
-    const kart = table.karts(row)!;
-    const bits = kart.sensors();
-    return {
-      seat: kart.seat(),
-      speed: kart.speed(),
-      deviation: kart.deviation(),
-      headingDeviation: kart.headingDeviation(),
-      link: kart.link(),
-      battery: kart.battery(),
-      sensors: Array.from({ length: SENSORS }, (_, sensor) => (bits >>> (4 * sensor)) & 15),
-      stage: kart.stage(),
-      cause: kart.cause(),
-    };
-  });
+  try {
+    const table = Telemetries.getRootAsTelemetries(buffer);
+    return rowsOf(table.kartsLength(), (row) => readKart(table.karts(row)!));
+  } catch {
+    return []; // only a damaged message raises an error
+  }
+}
+
+function readKart(kart: KartTelemetryStruct): KartTelemetry {
+  const bits = kart.sensors();
+  return {
+    seat: kart.seat(),
+    speed: kart.speed(),
+    deviation: kart.deviation(),
+    headingDeviation: kart.headingDeviation(),
+    link: kart.link(),
+    battery: kart.battery(),
+    sensors: Array.from({ length: SENSORS }, (_, sensor) => (bits >>> (4 * sensor)) & 15),
+    stage: kart.stage(),
+    cause: kart.cause(),
+  };
 }
