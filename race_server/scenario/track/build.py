@@ -252,7 +252,8 @@ def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths:
         (x, y), (first, second) = line[pairs[0, 0]], pairs[0] * spacing
         raise TrackError(
             f"{plan.name}: the line crosses itself at ({x:.2f}, {y:.2f}), {first:.1f} m and "
-            f"{second:.1f} m after its start; a course has one level and no bridges: leave a part out"
+            f"{second:.1f} m after its start; a course has one level and no bridges: leave a part "
+            "out"
         )
     left = border_beside(line, heading, half_widths[:, 0] + beyond)
     right = border_beside(line, heading, -half_widths[:, 1] - beyond)
