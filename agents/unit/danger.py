@@ -124,12 +124,13 @@ def assess(
             continue
         both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
         # Who steers past a kart passes it; a person on either way is in danger.
-        danger = (min if is_kart else max)(both, key=_severity)
-        worst = max(worst, danger, key=_severity)
+        danger = (min if is_kart else max)(both, key=severity_of)
+        worst = max(worst, danger, key=severity_of)
     return worst
 
 
-def _severity(danger: Danger) -> tuple[int, float]:
+def severity_of(danger: Danger) -> tuple[int, float]:
+    """Return by what dangers are ordered: how far each has come, and the braking needed."""
     return int(danger.stage), danger.needed
 
 
@@ -145,7 +146,7 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     if straight is NO_DANGER or not _drives(track) or abs(curvature) < STRAIGHT:
         return straight
     turning = _meeting(track, _along_with(track, curvature), speed, limits)
-    return min(straight, turning, key=_severity)
+    return min(straight, turning, key=severity_of)
 
 
 def _drives(track: Track) -> bool:
