@@ -12,7 +12,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
 from race_server.terminal import Console
 
-PARTS = ("place", "danger", "sides", "races")
+PARTS = ("place", "danger", "peers", "sides", "races")
 
 
 def drill_onboard(

@@ -20,6 +20,7 @@ from race_agents.plant.encounter import (
     Outcome,
     meet,
 )
+from race_agents.plant.moves import brakes, crosses, goes_ahead
 from race_agents.plant.radar import ERRS
 from race_agents.plant.row import Row
 from race_agents.plant.sensors import Sensors
@@ -33,26 +34,6 @@ TO_50 = tuple(speed * KMH for speed in (20, 30, 40, 50))
 # Full braking of a kart as its figures promise, and the time until it bites.
 BOUND_BRAKING, BOUND_DELAY_S = 6.5, 0.1
 
-Move = tuple[float, float, float, float]
-
-
-def _crosses(until_s: float, *, pace: float, side: float, at: float, x: float) -> Move:
-    """Return who walks across. side: -1 from the right; at: y at the meeting [m]."""
-    return x, at + side * pace * until_s, 0.0, -side * pace
-
-
-def _ahead(until_s: float, *, pace: float, at: float, x: float) -> Move:
-    return x - pace * until_s, at, pace, 0.0
-
-
-def _brakes(until_s: float, *, speed: float, length: float) -> Move:
-    """Return a kart that drives `FOLLOWS` ahead and brakes until it stands, from 1 s on."""
-    since = max(4.0 - until_s - 1.0, 0.0)
-    least = min(since, speed / BRAKES)
-    way = speed * min(4.0 - until_s, 1.0) + speed * least - 0.5 * BRAKES * least**2
-    start = -speed * 4.0 + FOLLOWS + 0.5 * length
-    return start + way, 0.0, max(speed - BRAKES * since, 0.0), 0.0
-
 
 def people(vehicle: Vehicle) -> Iterator[Case]:
     """Yield the meetings with people."""
@@ -60,12 +41,12 @@ def people(vehicle: Vehicle) -> Iterator[Case]:
     for speed in SPEEDS:
         for share in (0.25, 0.5):
             at = (share - 0.5) * width
-            yield Case("CPLA", speed, partial(_ahead, pace=WALKS, at=at, x=ADULT))
+            yield Case("CPLA", speed, partial(goes_ahead, pace=WALKS, at=at, x=ADULT))
         for share in SHARES:
             at = (share - 0.5) * width
-            near = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
-            far = partial(_crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
-            child = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
+            near = partial(crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
+            far = partial(crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
+            child = partial(crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
             yield Case("CPNA", speed, near)
             yield Case("CPFA", speed, far)
             y = -(0.5 * width + PARKED_ASIDE + 0.5 * width)
@@ -77,11 +58,11 @@ def karts(vehicle: Vehicle) -> Iterator[Case]:
     """Yield the meetings with karts ahead."""
     half = 0.5 * vehicle.length
     for speed in SPEEDS:
-        yield Case("CCRs", speed, partial(_ahead, pace=0.0, at=0.0, x=half), None)
+        yield Case("CCRs", speed, partial(goes_ahead, pace=0.0, at=0.0, x=half), None)
         if speed > DRIVES + 1.0:
-            yield Case("CCRm", speed, partial(_ahead, pace=DRIVES, at=0.0, x=half), None)
-        brakes = partial(_brakes, speed=speed, length=vehicle.length)
-        yield Case("CCRb", speed, brakes, None)
+            yield Case("CCRm", speed, partial(goes_ahead, pace=DRIVES, at=0.0, x=half), None)
+        slows = partial(brakes, speed=speed, length=vehicle.length, follows=FOLLOWS, braking=BRAKES)
+        yield Case("CCRb", speed, slows, None)
 
 
 def bystanders(vehicle: Vehicle) -> Iterator[Case]:
@@ -89,8 +70,8 @@ def bystanders(vehicle: Vehicle) -> Iterator[Case]:
     for speed in TO_50:
         for aside in ASIDE:
             y = 0.5 * vehicle.width + aside + ADULT
-            yield Case("stands beside", speed, partial(_ahead, pace=0.0, at=y, x=0.0))
-            gone = partial(_crosses, pace=WALKS, side=-1.0, at=y + 2.0 * WALKS, x=0.0)
+            yield Case("stands beside", speed, partial(goes_ahead, pace=0.0, at=y, x=0.0))
+            gone = partial(crosses, pace=WALKS, side=-1.0, at=y + 2.0 * WALKS, x=0.0)
             yield Case("has left", speed, gone)
 
 

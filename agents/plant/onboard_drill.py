@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from race_agents.plant.matrices import rows as danger_rows
+from race_agents.plant.peer_matrices import rows as peer_rows
 from race_agents.plant.raced import Raced, driven_races, recorded_race
 from race_agents.plant.row import Row
 from race_agents.plant.shadow import rows as shadow_rows
@@ -21,6 +22,7 @@ from race_server.scenario.track.load import load_course
 PARTS: dict[str, Callable[[Setting], list[Row]]] = {
     "place": place_rows,
     "danger": danger_rows,
+    "peers": peer_rows,
     "sides": sides_rows,
 }
 

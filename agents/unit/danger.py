@@ -162,9 +162,10 @@ class Foreseen(NamedTuple):
 
 
 def _straight_on(track: Track, curvature: float) -> Foreseen:
-    """Return where an object is that keeps its velocity over ground."""
+    """Return where an object is that goes straight on over ground."""
     x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
-    along, aside = _beside_arc(x + vx * TIMES, y + vy * TIMES, curvature)
+    seconds = _seconds_of_way(track)
+    along, aside = _beside_arc(x + vx * seconds, y + vy * seconds, curvature)
     way = curvature * float(along[0])
     return Foreseen(along, aside, vx * math.cos(way) + vy * math.sin(way))
 
@@ -175,7 +176,21 @@ def _along_with(track: Track, curvature: float) -> Foreseen:
     along, aside = _beside_arc(np.array([x]), np.array([y]), curvature)
     way = curvature * float(along[0])
     pace, leaves = vx * math.cos(way) + vy * math.sin(way), vy * math.cos(way) - vx * math.sin(way)
-    return Foreseen(along[0] + pace * TIMES, aside[0] + leaves * TIMES, pace)
+    seconds = _seconds_of_way(track)
+    return Foreseen(along[0] + pace * seconds, aside[0] + leaves * seconds, pace)
+
+
+def _seconds_of_way(track: Track) -> Floats:
+    """Return how long an object takes at its speed of now for its way until each of `TIMES` [s].
+
+    That is less for one which told that it brakes: it goes on to do so until it stands.
+    """
+    speed = math.hypot(*track.velocity)
+    if track.braking <= 0.0 or speed < CREEP:
+        return TIMES
+    rate = track.braking / speed
+    brakes = np.minimum(TIMES, 1.0 / rate)
+    return np.asarray(brakes - 0.5 * rate * brakes**2)
 
 
 def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> Danger:

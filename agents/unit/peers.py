@@ -90,6 +90,7 @@ def _ends_of(peer: Peer, far: float, own: Whereabouts, most_unsure: float) -> Se
                 *(state, spread, codes.KART_HIT, 0.5 * peer.width),
                 scans=BORN,
                 slowing=peer.braking,
+                braking=peer.braking,
                 began=distance,
             )
         )
