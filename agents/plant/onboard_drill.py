@@ -41,13 +41,15 @@ def measure(
     races: Path | None = None,
     first_race: int = 1,
     most_km: float = math.inf,
+    peers: bool = False,
 ) -> dict[str, Any]:
     """Return the document of the drill.
 
     part: only this one of `PARTS`, or `races`; tell: called with the number of trips done, or with
     the kilometres of races; races: a folder of recordings; without it, races are driven here if
     only they are asked for, on other courses, too, the first one under the seed `first_race`;
-    most_km: of all karts together, to be looked at.
+    most_km: of all karts together, to be looked at; peers: there they tell one another where they
+    are.
 
     Raises:
         TrackError: no such course.
@@ -73,9 +75,14 @@ def measure(
     if part == RACES or (part is None and races is not None):
         raced = _races_in(races) if races is not None else driven_races(vehicle, first_race)
         count_km = tell if part == RACES else lambda _: None
-        found += shadow_rows(
-            shadow(raced, most_km=most_km, seed=first_race, tell=lambda km: count_km(int(km)))
+        looked = shadow(
+            raced,
+            most_km=most_km,
+            seed=first_race,
+            tell=lambda km: count_km(int(km)),
+            peers=peers,
         )
+        found += shadow_rows(looked)
     failed = [
         f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
         for row in found
