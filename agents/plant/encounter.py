@@ -79,6 +79,7 @@ class Case:
     radius: float | None = ADULT  # None: a kart
     hidden_by: tuple[tuple[float, float], ...] = ()  # x, y of parked karts
     before: Move | None = None  # a kart that drives between the two
+    share: float = 0.5  # of the width, where the kart would hit who it meets
 
 
 @dataclass

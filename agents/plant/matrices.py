@@ -21,6 +21,7 @@ from race_agents.plant.encounter import (
     meet,
 )
 from race_agents.plant.moves import brakes, crosses, goes_ahead
+from race_agents.plant.points import MATRICES, Cell, calculator, points_of
 from race_agents.plant.radar import ERRS
 from race_agents.plant.row import Row
 from race_agents.plant.sensors import Sensors
@@ -33,6 +34,8 @@ ASIDE = (1.0, 1.5, 2.0)  # [m] beside the body's way
 TO_50 = tuple(speed * KMH for speed in (20, 30, 40, 50))
 # Full braking of a kart as its figures promise, and the time until it bites.
 BOUND_BRAKING, BOUND_DELAY_S = 6.5, 0.1
+# Of the points that any brake could get, so much is asked in the standard and the extended range.
+STANDARD_SHARE, EXTENDED_SHARE = 0.95, 0.9
 
 
 def people(vehicle: Vehicle) -> Iterator[Case]:
@@ -41,17 +44,18 @@ def people(vehicle: Vehicle) -> Iterator[Case]:
     for speed in SPEEDS:
         for share in (0.25, 0.5):
             at = (share - 0.5) * width
-            yield Case("CPLA", speed, partial(goes_ahead, pace=WALKS, at=at, x=ADULT))
+            walks = partial(goes_ahead, pace=WALKS, at=at, x=ADULT)
+            yield Case("CPLA", speed, walks, share=share)
         for share in SHARES:
             at = (share - 0.5) * width
             near = partial(crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
             far = partial(crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
             child = partial(crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
-            yield Case("CPNA", speed, near)
-            yield Case("CPFA", speed, far)
+            yield Case("CPNA", speed, near, share=share)
+            yield Case("CPFA", speed, far, share=share)
             y = -(0.5 * width + PARKED_ASIDE + 0.5 * width)
             parked = ((-0.5 * length - 0.3, y), (-1.5 * length - 0.8, y))
-            yield Case("CPNCO", speed, child, CHILD, parked)
+            yield Case("CPNCO", speed, child, CHILD, parked, share=share)
 
 
 def karts(vehicle: Vehicle) -> Iterator[Case]:
@@ -107,6 +111,8 @@ def rows(setting: Setting) -> list[Row]:
                 f"worst impact {worst / KMH:.0f} km/h",
             )
         )
+    if calculator() is not None:
+        result += [_points(name, [*met, *cars], vehicle) for name in MATRICES]
     visible = [each for each in (*met, *cars) if each[0].name != "CPNCO"]
     leads = [outcome.lead_s for _, outcome in visible if math.isfinite(outcome.braked_s)]
     early = float(np.mean([lead >= 0.8 for lead in leads])) if leads else 0.0
@@ -118,6 +124,37 @@ def rows(setting: Setting) -> list[Row]:
         Row("full brakes for people 1 m beside, or that left", "of all", braked, most=0.0)
     )
     return result
+
+
+def _points(name: str, met: Sequence[tuple[Case, Outcome]], vehicle: Vehicle) -> Row:
+    """Return the points of a matrix by the public calculator, beside what any brake could get."""
+    mine = [each for each in met if each[0].name == name]
+    points = points_of(name, {_cell(case): (got.impact or 0.0) / KMH for case, got in mine})
+    bound = points_of(name, {_cell(case): _least_impact(case, vehicle) / KMH for case, _ in mine})
+    return Row(
+        f"{name}: points of its {points.cells} cells, by {calculator()}",
+        f"of {points.most_standard + points.most_extended:g}",
+        points.total,
+        least=STANDARD_SHARE * bound.standard + EXTENDED_SHARE * bound.extended,
+        note=f"standard {points.standard:g}, extended {points.extended:g}; no brake could get more "
+        f"than {bound.standard:g} and {bound.extended:g}. Shapes of the protocol, no rating",
+    )
+
+
+def _cell(case: Case) -> Cell:
+    return round(case.speed / KMH), round(100.0 * case.share)
+
+
+def _least_impact(case: Case, vehicle: Vehicle) -> float:
+    """Return the speed at which the best brake would hit who steps out, 0 where it would not [m/s].
+
+    Who is not hidden is seen in time at these speeds.
+    """
+    if case.name != "CPNCO":
+        return 0.0
+    seen_s = (PARKED_ASIDE + case.share * vehicle.width) / WALKS
+    room = case.speed * (seen_s - BOUND_DELAY_S)
+    return math.sqrt(max(case.speed**2 - 2.0 * BOUND_BRAKING * room, 0.0))
 
 
 def _unavoidable(vehicle: Vehicle) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 from race_agents.plant.matrices import rows as danger_rows
 from race_agents.plant.peer_matrices import rows as peer_rows
+from race_agents.plant.points import calculator
 from race_agents.plant.raced import Raced, driven_races, recorded_race
 from race_agents.plant.row import Row
 from race_agents.plant.shadow import rows as shadow_rows
@@ -94,6 +95,7 @@ def measure(
         "track": track,
         "vehicle": vehicle.name,
         "seeds": seeds,
+        "calculator": calculator(),
         "rows": [{**row.document(), "bar": row.bar} for row in found],
     }
 
