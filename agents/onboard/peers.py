@@ -64,7 +64,7 @@ class Peers:
     def hear(self, epoch: int, own: Pose | None, now_s: float) -> tuple[Peer, ...]:
         """Return what is known of the others, the nearest first; their stamps are of our clock.
 
-        epoch: of the race; who is in another one is on another course, perhaps.
+        epoch: of the race; a kart in another race may be on another course.
         """
         while self._arrived:
             seat, (data, arrived_s) = self._arrived.popitem()

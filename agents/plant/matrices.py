@@ -148,7 +148,7 @@ def _cell(case: Case) -> Cell:
 def _least_impact(case: Case, vehicle: Vehicle) -> float:
     """Return the speed at which the best brake would hit who steps out, 0 where it would not [m/s].
 
-    Who is not hidden is seen in time at these speeds.
+    A target that is not hidden is seen in time at these speeds.
     """
     if case.name != "CPNCO":
         return 0.0

@@ -1,4 +1,4 @@
-"""How who is met moves: where it is by the time to the meeting [s], which is at x = 0.
+"""How the target of a meeting moves, by the time to the meeting [s], which is at x = 0.
 
 Each returns x, y [m] and the velocity [m/s]; `race_agents.plant.encounter` says what meets it.
 """

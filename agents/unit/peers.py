@@ -1,6 +1,6 @@
 """Other real karts as they tell of themselves: objects beside those that the radar sees.
 
-A peer may err, or lie. It makes tracks of its own and touches none of the radar's, so it can only
+A peer may err, or lie. Its tracks stand beside the radar's and change none of them, so it can only
 add danger. What is no number, old, of the future, far outside of the course, or less sure of its
 place than half a kart is ignored, and of many peers the nearest count.
 """
@@ -18,11 +18,11 @@ from race_server.core.messages import Peer
 
 # What a kart told longer ago than this [s] is ignored, and what it tells from as far in the future.
 OLDEST_S, EARLIEST_S = 0.5, 0.05
-# … and what it tells from farther outside the kerb than this [m]: there it is in nobody's way.
+# … and what it tells from farther outside the kerb than this [m]: there it is in no kart's way.
 OUTSIDE = 5.0
 # At most this many peers count: each costs as much as three tracks.
 MOST_PEERS = 8
-# How much a kart changes its way that nobody told [m/s²], and the deviation of a told speed [m/s].
+# How much a kart may change its way untold [m/s²], and the deviation of a told speed [m/s].
 CHANGES, SPEED = 6.0, 0.3
 MICROSECONDS = 1_000_000
 

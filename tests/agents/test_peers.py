@@ -25,7 +25,7 @@ from support.courses import ring
 
 NOW_S = 20.0
 OWN = Whereabouts(0.0, 0.0, 0.0, 0.02, 0.0, NOW_S)
-# It stands 20 m ahead, across nobody's way.
+# It stands 20 m ahead, along the same way.
 AHEAD = Peer(round(1e6 * NOW_S), 20.0, 0.0, 0.0, 0.0, deviation=0.0, length=2.0, width=1.2)
 
 
