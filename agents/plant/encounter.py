@@ -147,7 +147,7 @@ def _arrange(case: Case, around: Surroundings, until_s: float) -> None:
     around.others = np.array(rows).reshape(-1, 5)
 
 
-def _row_of(kart: tuple[float, float, float, float]) -> tuple[float, ...]:
+def _row_of(kart: tuple[float, float, float, float]) -> tuple[float, float, float, float, float]:
     """Return a kart as its surroundings have it: x, y, heading, velocity."""
     x, y, vx, vy = kart
     return x, y, heading_of(vx, vy), vx, vy
