@@ -24,6 +24,9 @@ OUTSIDE = 5.0
 MOST_PEERS = 8
 # How much a kart may change its way untold [m/s²], and the deviation of a told speed [m/s].
 CHANGES, SPEED = 6.0, 0.3
+# A point this far [m] behind the axle, and as far again as beside it, is behind on each way that a
+# kart may drive: the direction in which it slides is turned by less than 45°.
+BEHIND = 3.0
 MICROSECONDS = 1_000_000
 
 
@@ -82,6 +85,8 @@ def _ends_of(peer: Peer, far: float, own: Whereabouts, most_unsure: float) -> Se
     for along in (-0.5 * peer.length, 0.0, 0.5 * peer.length):
         dx, dy = _turned(along, 0.0, heading)
         vx, vy = _turned(peer.speed, peer.lateral_speed + peer.yaw_rate * along, heading)
+        if x + dx < -BEHIND - 1.1 * abs(y + dy):
+            continue  # brakes do not help
         distance = math.hypot(x + dx, y + dy)
         nearer = max(distance - unsure, 0.0) / max(distance, 1e-6)
         state = np.array([nearer * (x + dx), nearer * (y + dy), vx, vy])

@@ -103,6 +103,11 @@ def test_of_a_flood_of_peers_the_nearest_count() -> None:
     assert max(float(track.state[0]) for track in tracks) < 10.0 + MOST_PEERS + 1.0
 
 
+def test_a_kart_behind_costs_no_time() -> None:
+    assert tracks_of([replace(AHEAD, x=-6.0, speed=30.0)], OWN, OpenPlace(), 0.7) == []
+    assert len(tracks_of([replace(AHEAD, x=-6.0, y=6.0)], OWN, OpenPlace(), 0.7)) == 3
+
+
 def test_a_kart_that_stands_ahead_and_tells_so_is_braked_for_without_any_echo() -> None:
     unit, now_s = driving(10.0)
     assert unit.decide(now_s).brake == 0.0
