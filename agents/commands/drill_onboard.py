@@ -12,7 +12,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
 from race_server.terminal import Console
 
-PARTS = ("place", "danger", "sides", "races")
+PARTS = ("place", "danger", "peers", "sides", "races")
 
 
 def drill_onboard(
@@ -40,6 +40,9 @@ def drill_onboard(
             "--most-km", help="Kilometres of all karts together to look at in those races."
         ),
     ] = 5.0,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="In those races the karts tell one another.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure a real kart's estimation and its brakes for what is ahead, against what is asked.
@@ -67,6 +70,7 @@ def drill_onboard(
             races=races,
             first_race=first_race,
             most_km=most_km,
+            peers=peers,
         )
     if as_json:
         print_document(document)

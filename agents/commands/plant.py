@@ -74,6 +74,17 @@ def plant(
             "tcp/127.0.0.1:7450, for `race gateway --kart`. Default: none."
         ),
     ] = "",
+    peers_at: Annotated[
+        str,
+        typer.Option(
+            help="Listen for other real karts at this address, such as tcp/127.0.0.1:7460, or "
+            "tls/192.168.1.21:7460 with --keys. Default: tell and hear none."
+        ),
+    ] = "",
+    peer: Annotated[
+        list[str] | None,
+        typer.Option(help="Address of another real kart's --peers-at. Once for each of them."),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
@@ -97,6 +108,8 @@ def plant(
     from race_agents.plant.run import PlantSetting, run_plant
     from race_agents.plant.sensors import Sensors
 
+    if peer and not peers_at:
+        raise typer.BadParameter("--peer needs --peers-at, where this kart listens")
     given = access(keys, connect, session)
     setting = PlantSetting(
         driver=driver,
@@ -120,6 +133,7 @@ def plant(
         cut_s=cut_link,
         kill_at=None if kill_game is None else kill_game / 3.6,
         beside=beside,
+        peers=(peers_at, *(peer or ())) if peers_at else (),
         report=report,
         black_box=black_box,
         only_incidents=only_incidents,

@@ -137,6 +137,16 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
             for track in unit.objects.tracks
         ],
     }
+    if unit.peers:
+        turn["peers"] = [
+            {
+                "age_s": _rounded(readings.time_s - 1e-6 * peer.stamp_us),
+                "place": _all((peer.x, peer.y, peer.heading)),
+                "speed": _rounded(peer.speed),
+                "braking": _rounded(peer.braking),
+            }
+            for peer in unit.peers
+        ]
     if filtered is not None:
         turn["state"] = _all(filtered.state)
         turn["variances"] = _all(filtered.filter.covariance.diagonal())

@@ -17,18 +17,20 @@ from race_agents.onboard.beside import Beside
 from race_agents.onboard.crew import Crew
 from race_agents.onboard.kart import Kart
 from race_agents.onboard.parker import PRESET, Parker
+from race_agents.onboard.peers import Peers
 from race_agents.unit.records import Floats, Report, Word
 from race_server.core.alert import Alert, DangerStage
 from race_server.core.clock import MICROSECONDS, Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
-from race_server.core.messages import Pose
+from race_server.core.messages import Peer, Pose
 from race_server.core.observation import Observation
 from race_server.core.telemetry import Telemetry
 from race_server.core.vehicles import Vehicle
 from race_server.errors import LinkError, RaceError, WireError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
-from race_server.net.transport import ClientLink
+from race_server.net.auth.settings import PeerSettings
+from race_server.net.transport import ClientLink, PeerLink
 from race_server.net.wire import topics
 from race_server.net.wire.alert import AlertFrame, encode_alert
 from race_server.net.wire.drive import HudFrame, decode_hud
@@ -48,6 +50,7 @@ TELEMETRY_S = 0.2
 AWAY_S = 60.0
 # The driver that parks, where none is named.
 VALET = "valet"
+
 
 Clock = Callable[[], float]
 Send = Callable[[bytes], None]
@@ -89,6 +92,7 @@ class KartProgram:
     sequence: int = 0
     alerts: int = 0  # sent so far
     beside: Beside | None = None  # told what the kart knows, whether the radio works or not
+    peers: Peers | None = None  # the other real karts
     _up: deque[tuple[float, Send, bytes]] = field(default_factory=deque)
     _down: deque[tuple[float, bytes]] = field(default_factory=lambda: deque(maxlen=64))
     _asking: threading.Thread | None = None
@@ -120,6 +124,12 @@ class KartProgram:
         except WireError:
             return None  # the next one comes in 50 ms
 
+    def hear_peers(self, kart: KnownKart, now_s: float) -> tuple[Peer, ...]:
+        """Return what the other real karts tell."""
+        if self.peers is None or self.is_cut or kart.hud is None:
+            return ()
+        return self.peers.hear(kart.hud.epoch, kart.pose(), now_s)
+
     def see(self) -> Observation | None:
         """Return what the driver sees: the newest observation, if there is a new one."""
         frame = self.seat.receive(0.0)
@@ -141,6 +151,8 @@ class KartProgram:
             self._tell_health(kart.report, hud.epoch, now_s)
         if pose is not None and hud is not None and pose.stamp_us != self._stamp_us:
             self.sequence, self._stamp_us = self.sequence + 1, pose.stamp_us
+            if self.peers is not None and not self.is_cut:
+                self.peers.tell(kart.report, kart.vehicle, hud.epoch, now_s)
             told = PoseFrame(
                 epoch=hud.epoch,
                 sequence=self.sequence,
@@ -237,6 +249,7 @@ def take_part(
     valet: str = VALET,
     on_request: bool = False,
     beside: str = "",
+    peers: tuple[str, ...] = (),
     each_turn: Callable[[KartProgram, Kart, float], bool] = lambda *_: True,
 ) -> None:
     """Drive one race with a real kart, all of an event, or park it.
@@ -263,6 +276,11 @@ def take_part(
         onboard = KartProgram(seat, clock, delay_s)
         if beside:
             onboard.beside = left.enter_context(closing(Beside(beside, session, seat.number)))
+        if peers:
+            onboard.peers = left.enter_context(closing(Peers(seat.number)))
+            meet = PeerSettings(peers[0], peers[1:], session, seat.number, keys)
+            heard = onboard.peers
+            heard.radio = PeerLink(meet, lambda number, data: heard.store(number, data, clock()))
         link.listen(topics.HUD, onboard.store, seat.number)
         welcome = onboard.next_race(None) if seat.welcome.stays else seat.welcome
         while welcome is not None:
@@ -330,6 +348,7 @@ def _turn(
         decided = crew.act(onboard.see(), onboard.receive_order(), known, now)
         if decided is not None:
             word = replace(word, control=decided, decisions=word.decisions + 1)
+        word = replace(word, peers=onboard.hear_peers(known, now))
         kart.tell(word, now)
         kart.turn(now)
         if (report := kart.report()) is not None:

@@ -12,7 +12,7 @@ from race_agents.onboard.black_box import BlackBox
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.mailbox import Freshness, Mailbox, Memory, size_of
 from race_agents.unit.readings import Readings
-from race_agents.unit.records import MOST_REPORT, WORD, Report, Word
+from race_agents.unit.records import MOST_REPORT, MOST_WORD, Report, Word
 from race_agents.unit.safety import Command
 from race_server.core.messages import Control
 
@@ -50,13 +50,13 @@ class Mailboxes:
     @staticmethod
     def size() -> int:
         """Return how many bytes of memory they need."""
-        return size_of(WORD.size) + size_of(MOST_REPORT)
+        return size_of(MOST_WORD) + size_of(MOST_REPORT)
 
     @classmethod
     def over(cls, memory: Memory) -> "Mailboxes":
         """Return them in some memory that is all zeros at first."""
         return cls(
-            Mailbox(memory, WORD.size), Mailbox(memory, MOST_REPORT, offset=size_of(WORD.size))
+            Mailbox(memory, MOST_WORD), Mailbox(memory, MOST_REPORT, offset=size_of(MOST_WORD))
         )
 
     def report(self) -> Report | None:
@@ -92,7 +92,7 @@ class SafetySide:
         unit = self.unit
         report = Report(
             *(unit.pose(), unit.alert(), unit.buttons, unit.ranges, unit.health()),
-            *(self.is_through, self.is_cut),
+            *(self.is_through, self.is_cut, unit.braking),
         )
         self.boxes.reports.write(report.pack(), now_s)
 
@@ -104,6 +104,7 @@ class SafetySide:
             before, self._word = self._word, Word.unpack(mail.data)
             self.unit.hear_game(now_s)
             word = self._word
+            self.unit.hear_peers(word.peers)
             if word.orders is not None and (word.heard_s, word.orders) != (
                 before.heard_s,
                 before.orders,

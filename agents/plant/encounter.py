@@ -6,14 +6,15 @@ parked vehicles; CCRs stands, CCRm drives 20 km/h, CCRb brakes. They are shapes,
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from race_agents.plant.gaps import gap_between
 from race_agents.plant.kart import Plant
-from race_agents.plant.radar import Floats, Person, Surroundings, gap_to
+from race_agents.plant.radar import Floats, Person, Surroundings, gap_to, outline_of
 from race_agents.plant.sensors import Sensors
+from race_agents.plant.told import Move, Told, heading_of
 from race_agents.unit.control_unit import ControlUnit
 from race_server.core.alert import Cause, DangerStage
 from race_server.core.messages import Control, Flag, Trust
@@ -74,10 +75,11 @@ class Case:
 
     name: str
     speed: float  # [m/s] of the kart
-    place: Callable[[float], tuple[float, float, float, float]]
+    place: Move
     radius: float | None = ADULT  # None: a kart
     hidden_by: tuple[tuple[float, float], ...] = ()  # x, y of parked karts
-    is_danger: bool = True
+    before: Move | None = None  # a kart that drives between the two
+    share: float = 0.5  # of the width, where the kart would hit who it meets
 
 
 @dataclass
@@ -97,18 +99,28 @@ class Outcome:
         return self.braked_s - self.warned_s
 
 
-def meet(case: Case, vehicle: Vehicle, sensors: Sensors, seed: int) -> Outcome:
-    """Let a plant as built from a seed have a meeting, its driver's foot down."""
+def meet(
+    case: Case, vehicle: Vehicle, sensors: Sensors, seed: int, *, told: bool = False
+) -> Outcome:
+    """Let a plant as built from a seed have a meeting, its driver's foot down.
+
+    told: the karts that drive, and the one that is met, tell where they are.
+    """
     nose = vehicle.box_offset + 0.5 * vehicle.length
     start = -nose - case.speed * (RUN_IN_S + BEGIN_S)
     around = Surroundings(np.zeros((0, 4)))
     plant = Plant.of(vehicle, around, (start, 0.0, 0.0), replace(sensors, fix_delay_s=0.0), seed)
     plant.body.speed, plant.body.brake = case.speed, 0.0
     unit = ControlUnit.of(vehicle, OpenPlace())
+    radio = Told(vehicle, np.random.default_rng([seed, 1])) if told else None
+    movers = [each for each in (case.before, case.place) if each is not None]
     outcome, turns = Outcome(), round((RUN_IN_S + BEGIN_S + AFTER_S) / PERIOD_S)
     for turn in range(turns):
         now_s = turn * PERIOD_S
-        _arrange(case, around, RUN_IN_S + BEGIN_S - now_s)
+        until_s = RUN_IN_S + BEGIN_S - now_s
+        _arrange(case, around, until_s)
+        if radio is not None:
+            unit.hear_peers(radio.hear(movers, until_s, now_s))
         unit.sense(plant.read(now_s))
         unit.hear(FreeRun(), now_s)
         missing = case.speed - plant.body.speed
@@ -125,12 +137,20 @@ def _arrange(case: Case, around: Surroundings, until_s: float) -> None:
     """Put all where they are this time before the meeting."""
     x, y, vx, vy = case.place(until_s)
     rows = [(px, py, 0.0, 0.0, 0.0) for px, py in case.hidden_by]
+    if case.before is not None:
+        rows.append(_row_of(case.before(until_s)))
     if case.radius is None:
-        rows.append((x, y, 0.0, vx, vy))
+        rows.append(_row_of((x, y, vx, vy)))
         around.people.clear()
     else:
         around.people[:] = [Person(x, y, case.radius, vx, vy)]
     around.others = np.array(rows).reshape(-1, 5)
+
+
+def _row_of(kart: tuple[float, float, float, float]) -> tuple[float, float, float, float, float]:
+    """Return a kart as its surroundings have it: x, y, heading, velocity."""
+    x, y, vx, vy = kart
+    return x, y, heading_of(vx, vy), vx, vy
 
 
 def _note(case: Case, outcome: Outcome, plant: Plant, unit: ControlUnit, now_s: float) -> None:
@@ -155,8 +175,9 @@ def _note(case: Case, outcome: Outcome, plant: Plant, unit: ControlUnit, now_s: 
 
 
 def _gap_of_karts(row: Floats, plant: Plant) -> float:
-    """Return the gap [m] to a kart on the same way."""
+    """Return the gap [m] between the outlines of two karts, if they are near each other."""
     body, vehicle = plant.body, plant.body.vehicle
-    if abs(float(row[1]) - body.y) > vehicle.width:
+    if math.hypot(float(row[0]) - body.x, float(row[1]) - body.y) > 2.0 * vehicle.length:
         return math.inf
-    return float(row[0]) - body.x - vehicle.length
+    own = outline_of(np.array([body.x, body.y, body.heading]), vehicle)
+    return gap_between(own, outline_of(row, vehicle))

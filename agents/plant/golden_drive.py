@@ -14,13 +14,15 @@ from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
 from race_agents.unit.golden import Turn
 from race_agents.unit.orders import GivenOrders
-from race_server.core.messages import Control
+from race_server.core.messages import Control, Peer
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 
 PERIOD_S = 0.02
 # A person stands this far along the line from the start [m], so that the reflex has work.
 PERSON_M = 60.0
+# A kart that tells where it is begins this share of a lap ahead, and drives a lap in these turns.
+AHEAD, LAP_TURNS = 0.12, 10_000
 SENSORS = Sensors(
     radar=ERRS, velocity_deviation=0.1, heading_deviation=0.01, fix_wild=0.02, fix_loss=0.05
 )
@@ -53,13 +55,27 @@ def golden_turns(
             plant.read(now_s),
             Control(wanted.steering, wanted.throttle, wanted.brake),
             GivenOrders(min(cap, 99.0), 1.0),
+            _peer_ahead(line, number / LAP_TURNS, now_s),
         )
         turns.append(turn)
         unit.sense(turn.readings)
         unit.hear(turn.orders, now_s)
         unit.drive(turn.control, now_s)
+        unit.hear_peers(turn.peers)
         plant.act(unit.decide(now_s))
     return turns
+
+
+def _peer_ahead(line: Floats, share: float, now_s: float) -> tuple[Peer, ...]:
+    """Return what a kart tells that crawls along the line and brakes every other second.
+
+    share: of the lap that it has driven.
+    """
+    place = int((AHEAD + share) * len(line)) % len(line)
+    x, y, heading = (float(value) for value in line[place, :3])
+    stamp_us = round((now_s - 0.03) * 1e6)
+    braking = 6.0 * (int(now_s) % 2)
+    return (Peer(stamp_us, x, y, heading, 2.0, 0.0, 0.0, braking, 0.02, 0.01, 1.9, 1.3),)
 
 
 def turn_times(vehicle: Vehicle, fence: CourseFence, turns: list[Turn], passes: int = 5) -> Floats:
@@ -77,6 +93,7 @@ def _times(vehicle: Vehicle, fence: CourseFence, turns: list[Turn]) -> list[floa
         unit.sense(turn.readings)
         unit.hear(turn.orders, turn.readings.time_s)
         unit.drive(turn.control, turn.readings.time_s)
+        unit.hear_peers(turn.peers)
         unit.decide(turn.readings.time_s)
         times.append(time.perf_counter() - begun)
     return times

@@ -20,6 +20,8 @@ from race_agents.plant.encounter import (
     Outcome,
     meet,
 )
+from race_agents.plant.moves import brakes, crosses, goes_ahead
+from race_agents.plant.points import MATRICES, Cell, calculator, points_of
 from race_agents.plant.radar import ERRS
 from race_agents.plant.row import Row
 from race_agents.plant.sensors import Sensors
@@ -32,26 +34,8 @@ ASIDE = (1.0, 1.5, 2.0)  # [m] beside the body's way
 TO_50 = tuple(speed * KMH for speed in (20, 30, 40, 50))
 # Full braking of a kart as its figures promise, and the time until it bites.
 BOUND_BRAKING, BOUND_DELAY_S = 6.5, 0.1
-
-Move = tuple[float, float, float, float]
-
-
-def _crosses(until_s: float, *, pace: float, side: float, at: float, x: float) -> Move:
-    """Return who walks across. side: -1 from the right; at: y at the meeting [m]."""
-    return x, at + side * pace * until_s, 0.0, -side * pace
-
-
-def _ahead(until_s: float, *, pace: float, at: float, x: float) -> Move:
-    return x - pace * until_s, at, pace, 0.0
-
-
-def _brakes(until_s: float, *, speed: float, length: float) -> Move:
-    """Return a kart that drives `FOLLOWS` ahead and brakes until it stands, from 1 s on."""
-    since = max(4.0 - until_s - 1.0, 0.0)
-    least = min(since, speed / BRAKES)
-    way = speed * min(4.0 - until_s, 1.0) + speed * least - 0.5 * BRAKES * least**2
-    start = -speed * 4.0 + FOLLOWS + 0.5 * length
-    return start + way, 0.0, max(speed - BRAKES * since, 0.0), 0.0
+# Of the points that any brake could get, so much is asked in the standard and the extended range.
+STANDARD_SHARE, EXTENDED_SHARE = 0.95, 0.9
 
 
 def people(vehicle: Vehicle) -> Iterator[Case]:
@@ -60,28 +44,29 @@ def people(vehicle: Vehicle) -> Iterator[Case]:
     for speed in SPEEDS:
         for share in (0.25, 0.5):
             at = (share - 0.5) * width
-            yield Case("CPLA", speed, partial(_ahead, pace=WALKS, at=at, x=ADULT))
+            walks = partial(goes_ahead, pace=WALKS, at=at, x=ADULT)
+            yield Case("CPLA", speed, walks, share=share)
         for share in SHARES:
             at = (share - 0.5) * width
-            near = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
-            far = partial(_crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
-            child = partial(_crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
-            yield Case("CPNA", speed, near)
-            yield Case("CPFA", speed, far)
+            near = partial(crosses, pace=WALKS, side=-1.0, at=at, x=ADULT)
+            far = partial(crosses, pace=HASTES, side=1.0, at=-at, x=ADULT)
+            child = partial(crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
+            yield Case("CPNA", speed, near, share=share)
+            yield Case("CPFA", speed, far, share=share)
             y = -(0.5 * width + PARKED_ASIDE + 0.5 * width)
             parked = ((-0.5 * length - 0.3, y), (-1.5 * length - 0.8, y))
-            yield Case("CPNCO", speed, child, CHILD, parked)
+            yield Case("CPNCO", speed, child, CHILD, parked, share=share)
 
 
 def karts(vehicle: Vehicle) -> Iterator[Case]:
     """Yield the meetings with karts ahead."""
     half = 0.5 * vehicle.length
     for speed in SPEEDS:
-        yield Case("CCRs", speed, partial(_ahead, pace=0.0, at=0.0, x=half), None)
+        yield Case("CCRs", speed, partial(goes_ahead, pace=0.0, at=0.0, x=half), None)
         if speed > DRIVES + 1.0:
-            yield Case("CCRm", speed, partial(_ahead, pace=DRIVES, at=0.0, x=half), None)
-        brakes = partial(_brakes, speed=speed, length=vehicle.length)
-        yield Case("CCRb", speed, brakes, None)
+            yield Case("CCRm", speed, partial(goes_ahead, pace=DRIVES, at=0.0, x=half), None)
+        slows = partial(brakes, speed=speed, length=vehicle.length, follows=FOLLOWS, braking=BRAKES)
+        yield Case("CCRb", speed, slows, None)
 
 
 def bystanders(vehicle: Vehicle) -> Iterator[Case]:
@@ -89,8 +74,8 @@ def bystanders(vehicle: Vehicle) -> Iterator[Case]:
     for speed in TO_50:
         for aside in ASIDE:
             y = 0.5 * vehicle.width + aside + ADULT
-            yield Case("stands beside", speed, partial(_ahead, pace=0.0, at=y, x=0.0))
-            gone = partial(_crosses, pace=WALKS, side=-1.0, at=y + 2.0 * WALKS, x=0.0)
+            yield Case("stands beside", speed, partial(goes_ahead, pace=0.0, at=y, x=0.0))
+            gone = partial(crosses, pace=WALKS, side=-1.0, at=y + 2.0 * WALKS, x=0.0)
             yield Case("has left", speed, gone)
 
 
@@ -126,6 +111,8 @@ def rows(setting: Setting) -> list[Row]:
                 f"worst impact {worst / KMH:.0f} km/h",
             )
         )
+    if calculator() is not None:
+        result += [_points(name, [*met, *cars], vehicle) for name in MATRICES]
     visible = [each for each in (*met, *cars) if each[0].name != "CPNCO"]
     leads = [outcome.lead_s for _, outcome in visible if math.isfinite(outcome.braked_s)]
     early = float(np.mean([lead >= 0.8 for lead in leads])) if leads else 0.0
@@ -137,6 +124,37 @@ def rows(setting: Setting) -> list[Row]:
         Row("full brakes for people 1 m beside, or that left", "of all", braked, most=0.0)
     )
     return result
+
+
+def _points(name: str, met: Sequence[tuple[Case, Outcome]], vehicle: Vehicle) -> Row:
+    """Return the points of a matrix by the public calculator, beside what any brake could get."""
+    mine = [each for each in met if each[0].name == name]
+    points = points_of(name, {_cell(case): (got.impact or 0.0) / KMH for case, got in mine})
+    bound = points_of(name, {_cell(case): _least_impact(case, vehicle) / KMH for case, _ in mine})
+    return Row(
+        f"{name}: points of its {points.cells} cells, by {calculator()}",
+        f"of {points.most_standard + points.most_extended:g}",
+        points.total,
+        least=STANDARD_SHARE * bound.standard + EXTENDED_SHARE * bound.extended,
+        note=f"standard {points.standard:g}, extended {points.extended:g}; no brake could get more "
+        f"than {bound.standard:g} and {bound.extended:g}. Shapes of the protocol, no rating",
+    )
+
+
+def _cell(case: Case) -> Cell:
+    return round(case.speed / KMH), round(100.0 * case.share)
+
+
+def _least_impact(case: Case, vehicle: Vehicle) -> float:
+    """Return the speed at which the best brake would hit who steps out, 0 where it would not [m/s].
+
+    A target that is not hidden is seen in time at these speeds.
+    """
+    if case.name != "CPNCO":
+        return 0.0
+    seen_s = (PARKED_ASIDE + case.share * vehicle.width) / WALKS
+    room = case.speed * (seen_s - BOUND_DELAY_S)
+    return math.sqrt(max(case.speed**2 - 2.0 * BOUND_BRAKING * room, 0.0))
 
 
 def _unavoidable(vehicle: Vehicle) -> float:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from race_agents.plant.matrices import rows as danger_rows
+from race_agents.plant.peer_matrices import rows as peer_rows
+from race_agents.plant.points import calculator
 from race_agents.plant.raced import Raced, driven_races, recorded_race
 from race_agents.plant.row import Row
 from race_agents.plant.shadow import rows as shadow_rows
@@ -21,6 +23,7 @@ from race_server.scenario.track.load import load_course
 PARTS: dict[str, Callable[[Setting], list[Row]]] = {
     "place": place_rows,
     "danger": danger_rows,
+    "peers": peer_rows,
     "sides": sides_rows,
 }
 
@@ -39,13 +42,15 @@ def measure(
     races: Path | None = None,
     first_race: int = 1,
     most_km: float = math.inf,
+    peers: bool = False,
 ) -> dict[str, Any]:
     """Return the document of the drill.
 
     part: only this one of `PARTS`, or `races`; tell: called with the number of trips done, or with
     the kilometres of races; races: a folder of recordings; without it, races are driven here if
     only they are asked for, on other courses, too, the first one under the seed `first_race`;
-    most_km: of all karts together, to be looked at.
+    most_km: of all karts together, to be looked at; peers: there they tell one another where they
+    are.
 
     Raises:
         TrackError: no such course.
@@ -71,9 +76,14 @@ def measure(
     if part == RACES or (part is None and races is not None):
         raced = _races_in(races) if races is not None else driven_races(vehicle, first_race)
         count_km = tell if part == RACES else lambda _: None
-        found += shadow_rows(
-            shadow(raced, most_km=most_km, seed=first_race, tell=lambda km: count_km(int(km)))
+        looked = shadow(
+            raced,
+            most_km=most_km,
+            seed=first_race,
+            tell=lambda km: count_km(int(km)),
+            peers=peers,
         )
+        found += shadow_rows(looked)
     failed = [
         f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
         for row in found
@@ -85,6 +95,7 @@ def measure(
         "track": track,
         "vehicle": vehicle.name,
         "seeds": seeds,
+        "calculator": calculator(),
         "rows": [{**row.document(), "bar": row.bar} for row in found],
     }
 

@@ -47,6 +47,7 @@ class PlantSetting:
     cut_s: float | None = None
     kill_at: float | None = None  # [m/s]
     beside: str = ""  # address of this machine, see `take_part`
+    peers: tuple[str, ...] = ()  # addresses of real karts, see `take_part`
     report: Path | None = None
     black_box: Path | None = None
     only_incidents: bool = False  # what the black box keeps
@@ -83,6 +84,7 @@ def run_plant(setting: PlantSetting) -> None:
         valet=setting.valet,
         on_request=setting.on_request,
         beside=setting.beside,
+        peers=setting.peers,
         clock=lambda: time.monotonic() + offset_s,
         each_turn=each_turn,
     )

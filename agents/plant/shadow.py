@@ -16,6 +16,7 @@ from itertools import islice
 import numpy as np
 
 from race_agents.plant.body import Body
+from race_agents.plant.encounter import OpenPlace
 from race_agents.plant.hindsight import (
     AFTER_S,
     LATEST_S,
@@ -28,14 +29,18 @@ from race_agents.plant.hindsight import (
 from race_agents.plant.raced import SCAN_S, Frame, Raced
 from race_agents.plant.radar import ERRS, REACH_LENGTHS, Floats, RadarErrors, Surroundings, scan
 from race_agents.plant.row import Row
-from race_agents.unit.danger import worst_ahead
+from race_agents.plant.told import HEADING, PACE, PLACE
+from race_agents.unit.danger import severity_of, worst_ahead
 from race_agents.unit.drift import STRAIGHT_ON, Drift
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
+from race_agents.unit.peers import Whereabouts, tracks_of
+from race_agents.unit.safety import Echoes
 from race_server.core.alert import Danger, DangerStage
-from race_server.core.messages import Status
+from race_server.core.messages import Peer, Status
 from race_server.core.vehicles import Vehicle
+from race_server.net.wire.spectate import Rows
 
 # An act lasts until it was not called for, for this long [s].
 APART_S = 1.0
@@ -88,10 +93,12 @@ class Follower:
     _motion: EgoMotion = field(default_factory=EgoMotion)
     _until: dict[DangerStage, float] = field(default_factory=dict)
 
-    def look(self, row: np.void, others: Floats, now_s: float) -> Danger | None:
+    def look(
+        self, row: np.void, others: Floats, now_s: float, told: Sequence[Peer] = ()
+    ) -> Danger | None:
         """Take one frame; return what begins now, if something does.
 
-        row: this kart; others: (n, 5) x, y, heading and velocity of the others.
+        row: this kart; others: (n, 5) x, y, heading and velocity of the others; told: by them.
         """
         x, y, heading, speed = (float(row[name]) for name in ("x", "y", "heading", "speed"))
         slide = float(row["lateral_speed"]) - self.vehicle.rear_axle * float(row["yaw_rate"])
@@ -106,6 +113,14 @@ class Follower:
         if speed > SLOW:
             drift = Drift.of(speed, slide, float(row["yaw_rate"]), self.limits)
         danger = worst_ahead(*sensed, speed, now, wanted, self.limits, drift=drift)
+        if told:
+            back = self.vehicle.rear_axle
+            place = x - back * math.cos(heading), y - back * math.sin(heading), heading
+            own = Whereabouts(*place, PLACE, HEADING, now_s)
+            tracks = tracks_of(told, own, OpenPlace(), self.limits.half_width)
+            ways = speed, now, wanted, self.limits
+            heard = worst_ahead(tracks, Echoes.nothing(), *ways, drift=drift)
+            danger = max(danger, heard, key=severity_of)
         if danger.stage < DangerStage.WARN or speed < SLOW:
             return None
         begins = self._until.get(danger.stage, -math.inf) < now_s
@@ -121,37 +136,50 @@ def shadow(
     most_km: float = math.inf,
     seed: int = 0,
     tell: Callable[[float], None] = lambda _: None,
+    peers: bool = False,
 ) -> Shadow:
     """Return what the reflex would have done in some races.
 
-    most_km: stop after these kilometres of all karts together; tell: called with those so far.
+    most_km: stop after these kilometres of all karts together; tell: called with those so far;
+    peers: the karts tell one another where they are.
     """
     result = Shadow()
     for race in races:
-        _follow(race, result, seed, 1000.0 * most_km, tell)
+        _follow(race, result, seed, 1000.0 * most_km, tell, peers=peers)
         if result.metres >= 1000.0 * most_km:
             break
     return result
 
 
 def _follow(
-    race: Raced, result: Shadow, seed: int, most: float, tell: Callable[[float], None]
+    race: Raced,
+    result: Shadow,
+    seed: int,
+    most: float,
+    tell: Callable[[float], None],
+    *,
+    peers: bool,
 ) -> None:
     followers = [
         Follower(each, Limits.of(each), race.borders, np.random.default_rng([seed, seat]))
         for seat, each in enumerate(race.vehicles)
     ]
+    chance, earlier, told = np.random.default_rng([seed, len(followers)]), None, {}
     for later in _windows(race.frames, round(LATEST_S / SCAN_S)):
         tick, karts = later[0]
         racing = karts[karts["status"] == Status.RACING]
         rows = rows_of(racing)
+        if peers:
+            told = _told_of(karts, earlier, race.vehicles, tick / 60.0, chance)
+            earlier = karts
         for place, row in enumerate(racing):
             follower, speed = followers[int(row["seat"])], float(row["speed"])
             result.metres += abs(speed) * SCAN_S
             others = np.delete(rows, place, axis=0)
             reach = (REACH_LENGTHS + 2.0) * follower.vehicle.length
             others = others[np.hypot(*(others[:, :2] - rows[place, :2]).T) < reach]
-            danger = follower.look(row, others, tick / 60.0)
+            heard = [each for seat, each in told.items() if seat != int(row["seat"])]
+            danger = follower.look(row, others, tick / 60.0, heard)
             if danger is None:
                 continue
             seat, vehicle = int(row["seat"]), follower.vehicle
@@ -165,6 +193,42 @@ def _follow(
         tell(result.metres / 1000.0)
         if result.metres >= most:
             return
+
+
+def _told_of(
+    karts: Rows,
+    earlier: Rows | None,
+    vehicles: Sequence[Vehicle],
+    now_s: float,
+    chance: np.random.Generator,
+) -> dict[int, Peer]:
+    """Return what karts told a frame ago, by seat.
+
+    earlier: that frame; what each asks of its brakes is what it then lost of its speed.
+    """
+    if earlier is None:
+        return {}
+    told, later = {}, {int(row["seat"]): float(row["speed"]) for row in karts}
+    for row in earlier[earlier["status"] == Status.RACING]:
+        seat, vehicle, speed = int(row["seat"]), vehicles[int(row["seat"])], float(row["speed"])
+        lost = (speed - later.get(seat, speed)) / SCAN_S
+        heading, ahead = float(row["heading"]), vehicle.box_offset
+        noise_x, noise_y = chance.normal(0.0, PLACE, 2)
+        told[seat] = Peer(
+            stamp_us=round(1e6 * (now_s - SCAN_S)),
+            x=float(row["x"]) + ahead * math.cos(heading) + noise_x,
+            y=float(row["y"]) + ahead * math.sin(heading) + noise_y,
+            heading=heading + chance.normal(0.0, HEADING),
+            speed=speed + chance.normal(0.0, PACE),
+            lateral_speed=float(row["lateral_speed"]) + ahead * float(row["yaw_rate"]),
+            yaw_rate=float(row["yaw_rate"]),
+            braking=min(max(lost, 0.0), Limits.of(vehicle).promised),
+            deviation=PLACE,
+            heading_deviation=HEADING,
+            length=vehicle.length,
+            width=vehicle.width,
+        )
+    return told
 
 
 def _windows(frames: Iterator[Frame], size: int) -> Iterator[Sequence[Frame]]:

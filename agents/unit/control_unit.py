@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from race_agents.unit.danger import (
     NO_DANGER,
     nearest_of,
+    severity_of,
     watch_danger,
     worst_ahead,
 )
@@ -25,6 +26,7 @@ from race_agents.unit.limits import Limits
 from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
 from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
+from race_agents.unit.peers import Whereabouts, tracks_of
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
@@ -46,7 +48,7 @@ from race_agents.unit.safety import (
 from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Peer, Pose, Source, Trust
 from race_server.core.telemetry import Health, Sensor, SensorState
 from race_server.core.vehicles import Vehicle
 
@@ -81,6 +83,7 @@ class ControlUnit:
     echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
     loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
     danger: Danger = NO_DANGER
+    peers: tuple[Peer, ...] = ()  # what other real karts told last
     _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
@@ -107,6 +110,10 @@ class ControlUnit:
     def hear_game(self, now_s: float) -> None:
         """Note that the program which brings orders and driver is alive: it has to go on."""
         self._game_s = now_s
+
+    def hear_peers(self, peers: tuple[Peer, ...]) -> None:
+        """Take what other real karts tell, each the newest; their stamps are of this clock."""
+        self.peers = peers
 
     def drive(self, control: Control, now_s: float) -> None:
         """Take what the driver wants; what is no number is not heard."""
@@ -189,9 +196,13 @@ class ControlUnit:
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
             now = float(self.fusion.state[YAW_RATE]) / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
+        ahead, sensed = self._watch_ahead(now, will, speed), self.danger
+        told = self._danger_of_peers(now, will, speed, now_s)
+        self.danger = max(sensed, told, key=severity_of)
         return [
-            self._watch_ahead(now, will, speed),
-            watch_danger(self.danger),
+            ahead,
+            watch_danger(sensed),
+            watch_danger(told),
             watch_driver(now_s - self._driver_s, self.limits),
             watch_link(now_s - self._hud_s, self.hud.valid_s, self.limits),
             watch_game(now_s - (now_s if self._game_s is None else self._game_s), self.limits),
@@ -241,6 +252,26 @@ class ControlUnit:
         if verdict.brake > 0.0:
             self.danger = self._what_is_waited_for()
         return verdict
+
+    def _danger_of_peers(self, now: float, will: float, speed: float, now_s: float) -> Danger:
+        """Return the worst of what other karts tell: it stands beside what the radar sees.
+
+        Nothing here is asked by, or changes, what the kart does for what it sees itself.
+        """
+        if not self.peers or self.fusion is None:
+            return NO_DANGER
+        x, y, heading = (float(self.fusion.state[at]) for at in (X, Y, HEADING))
+        own = Whereabouts(x, y, heading, self.fusion.deviation, self._heading_deviation, now_s)
+        tracks = tracks_of(self.peers, own, self.fence, self.limits.half_width)
+        nothing, drift = Echoes.nothing(), self._drift(speed)
+        return worst_ahead(tracks, nothing, speed, now, will, self.limits, drift=drift)
+
+    @property
+    def _heading_deviation(self) -> float:
+        """Deviation of the heading [rad], 0 before the first fix."""
+        if self.fusion is None:
+            return 0.0
+        return math.sqrt(float(self.fusion.filter.covariance[HEADING, HEADING]))
 
     def _drift(self, speed: float) -> Drift:
         if self.fusion is None or speed < ROLLS:
@@ -298,11 +329,14 @@ class ControlUnit:
 
     def health(self) -> Health:
         """Return what neither pose nor alert tells of the kart."""
-        spread = 0.0
-        if self.fusion is not None:
-            spread = math.sqrt(float(self.fusion.filter.covariance[HEADING, HEADING]))
+        spread = self._heading_deviation
         link_s = None if self.hud is None else max(self._time_s - self._hud_s, 0.0)
         return Health(self.watch.states(), spread, link_s, self.battery)
+
+    @property
+    def braking(self) -> float:
+        """Braking that is asked of the brakes [m/s²], as they do as a rule."""
+        return self.command.brake * self.limits.promised
 
     @property
     def is_home(self) -> bool:

@@ -124,12 +124,13 @@ def assess(
             continue
         both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
         # Who steers past a kart passes it; a person on either way is in danger.
-        danger = (min if is_kart else max)(both, key=_severity)
-        worst = max(worst, danger, key=_severity)
+        danger = (min if is_kart else max)(both, key=severity_of)
+        worst = max(worst, danger, key=severity_of)
     return worst
 
 
-def _severity(danger: Danger) -> tuple[int, float]:
+def severity_of(danger: Danger) -> tuple[int, float]:
+    """Return by what dangers are ordered: how far each has come, and the braking needed."""
     return int(danger.stage), danger.needed
 
 
@@ -145,7 +146,7 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     if straight is NO_DANGER or not _drives(track) or abs(curvature) < STRAIGHT:
         return straight
     turning = _meeting(track, _along_with(track, curvature), speed, limits)
-    return min(straight, turning, key=_severity)
+    return min(straight, turning, key=severity_of)
 
 
 def _drives(track: Track) -> bool:
@@ -161,9 +162,10 @@ class Foreseen(NamedTuple):
 
 
 def _straight_on(track: Track, curvature: float) -> Foreseen:
-    """Return where an object is that keeps its velocity over ground."""
+    """Return where an object is that goes straight on over ground."""
     x, y, (vx, vy) = float(track.state[0]), float(track.state[1]), track.velocity
-    along, aside = _beside_arc(x + vx * TIMES, y + vy * TIMES, curvature)
+    seconds = _seconds_of_way(track)
+    along, aside = _beside_arc(x + vx * seconds, y + vy * seconds, curvature)
     way = curvature * float(along[0])
     return Foreseen(along, aside, vx * math.cos(way) + vy * math.sin(way))
 
@@ -174,7 +176,21 @@ def _along_with(track: Track, curvature: float) -> Foreseen:
     along, aside = _beside_arc(np.array([x]), np.array([y]), curvature)
     way = curvature * float(along[0])
     pace, leaves = vx * math.cos(way) + vy * math.sin(way), vy * math.cos(way) - vx * math.sin(way)
-    return Foreseen(along[0] + pace * TIMES, aside[0] + leaves * TIMES, pace)
+    seconds = _seconds_of_way(track)
+    return Foreseen(along[0] + pace * seconds, aside[0] + leaves * seconds, pace)
+
+
+def _seconds_of_way(track: Track) -> Floats:
+    """Return how long an object takes at its speed of now for its way until each of `TIMES` [s].
+
+    That is less for one which told that it brakes: it goes on to do so until it stands.
+    """
+    speed = math.hypot(*track.velocity)
+    if track.braking <= 0.0 or speed < CREEP:
+        return TIMES
+    rate = track.braking / speed
+    brakes = np.minimum(TIMES, 1.0 / rate)
+    return np.asarray(brakes - 0.5 * rate * brakes**2)
 
 
 def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> Danger:

@@ -6,7 +6,7 @@ A port to another language reads the inputs, runs its own unit, and must repeat 
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, astuple, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,12 @@ from race_agents.unit.motion import SIZE
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
-from race_server.core.messages import Control, Source
+from race_server.core.messages import Control, Peer, Source
 from race_server.core.vehicles import Vehicle
 
 Floats = NDArray[np.float64]
 
-VERSION = 2  # 2: with borders
+VERSION = 3  # 2: with borders; 3: with peers, which older files lack
 # Columns of `inputs`; NaN stands for what there is none of.
 INPUTS = (
     *("time", "wheel_speed", "yaw_rate", "steering", "ahead", "left"),
@@ -42,6 +42,8 @@ OUTPUTS = (
 # Columns of `echoes`: the row of `inputs` that they belong to, and the echo. A row with a kind
 # below 0 stands for a scan without echoes.
 ECHOES = ("row", "x", "y", "closing", "kind")
+# Columns of `peers`: the row of `inputs` in which they are heard, and what each tells.
+PEERS = ("row", *(each.name for each in fields(Peer)))
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Turn:
     readings: Readings
     control: Control
     orders: GivenOrders
+    peers: tuple[Peer, ...] = ()
 
 
 def run(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> Floats:
@@ -61,6 +64,7 @@ def run(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> Floats:
         unit.sense(turn.readings)
         unit.hear(turn.orders, now_s)
         unit.drive(turn.control, now_s)
+        unit.hear_peers(turn.peers)
         command = unit.decide(now_s)
         state = np.full(SIZE, math.nan) if unit.fusion is None else unit.fusion.state
         deviation = math.nan if unit.fusion is None else unit.fusion.deviation
@@ -93,6 +97,11 @@ def pack(vehicle: Vehicle, fence: CourseFence, turns: Sequence[Turn]) -> dict[st
         "inputs": np.array([_inputs_of(turn) for turn in turns]),
         "echo_names": np.array(ECHOES),
         "echoes": np.array(echoes).reshape(-1, len(ECHOES)),
+        "peer_names": np.array(PEERS),
+        "peers": np.array(
+            [(row, *astuple(peer)) for row, turn in enumerate(turns) for peer in turn.peers],
+            np.float64,
+        ).reshape(-1, len(PEERS)),
         "output_names": np.array(OUTPUTS),
         "outputs": run(vehicle, fence, turns),
     }
@@ -105,11 +114,14 @@ def unpack(arrays: Any) -> tuple[CourseFence, list[Turn]]:
     by_row: dict[int, list[Floats]] = {}
     for echo in arrays["echoes"]:
         by_row.setdefault(int(echo[0]), []).append(echo[1:])
+    heard: dict[int, list[Peer]] = {}
+    for number, stamp_us, *told in arrays["peers"].tolist() if "peers" in arrays else ():
+        heard.setdefault(int(number), []).append(Peer(int(stamp_us), *told))
     names = [str(name) for name in arrays["input_names"]]
     turns = []
     for number, row in enumerate(arrays["inputs"].tolist()):
-        told = dict(zip(names, row, strict=True))
-        turns.append(_turn_of(told, by_row.get(number)))
+        turn = _turn_of(dict(zip(names, row, strict=True)), by_row.get(number))
+        turns.append(replace(turn, peers=tuple(heard.get(number, ()))))
     return fence, turns
 
 

@@ -60,6 +60,7 @@ class Track:
     scans: int = 1
     missed: int = 0
     slowing: float = 0.0  # [m/s²] by which its speed shrinks, smoothed
+    braking: float = 0.0  # [m/s²] that it told to ask of its brakes
     number: int = 0
     began: float = 0.0  # [m] away when it was first seen
 

@@ -5,25 +5,28 @@ the kart is and what it sees. Numbers are kept as they are: 64 bits each.
 """
 
 import struct
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.orders import GivenOrders, Orders
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Peer, Pose, RayHit, Source, Trust
 from race_server.core.telemetry import Health, SensorState
 
 Floats = NDArray[np.float64]
 
-# has orders, flag, trust; epoch, tick, sequence, buttons, decisions; the server's clock [µs]; cap,
-# thrust, grip, validity, lights, when they were heard; steering, throttle, brake.
-WORD = struct.Struct("<3BxIIIIIQ6d3d")
+# has orders, flag, trust, peers; epoch, tick, sequence, buttons, decisions; the server's clock
+# [µs]; cap, thrust, grip, validity, lights, when they were heard; steering, throttle, brake.
+WORD = struct.Struct("<4BIIIIIQ6d3d")
+PEER = struct.Struct("<q11d")  # as the fields of a `Peer`
+MOST_TOLD = 16  # peers in a word
+MOST_WORD = WORD.size + MOST_TOLD * PEER.size
 # has a pose, source, stage, kind, advice, cause, is through, is cut; buttons, rays; stamps of the
 # pose and of the alert, what the server's clock was [µs]; the pose; the danger; the sensors; the
-# heading's deviation, the link's age and the battery, below 0 where they are not known.
-REPORT = struct.Struct("<8BIIQQQ9d4d8B3d")
+# heading's deviation, the link's age and the battery, below 0 where they are not known; braking.
+REPORT = struct.Struct("<8BIIQQQ9d4d8B4d")
 MOST_RAYS = 1024
 IDLE, QUIET = Control(brake=1.0), Alert(0)
 MOST_REPORT = REPORT.size + 8 * MOST_RAYS
@@ -45,32 +48,35 @@ class Word:
     heard_s: float = 0.0  # when they came, by the kart's clock
     control: Control = IDLE  # the driver's newest decision
     decisions: int = 0  # how many there were so far
+    peers: tuple[Peer, ...] = ()  # other real karts, their stamps by the kart's clock
 
     def pack(self) -> bytes:
         """Return it as bytes."""
         orders = self.orders or GivenOrders(0.0, 0.0)
-        control = self.control
-        return WORD.pack(
-            *(self.orders is not None, int(orders.flag), int(orders.trust)),
+        control, peers = self.control, self.peers[:MOST_TOLD]
+        head = WORD.pack(
+            *(self.orders is not None, int(orders.flag), int(orders.trust), len(peers)),
             *(orders.epoch, orders.tick, orders.sequence, int(control.buttons), self.decisions),
             *(orders.monotonic_us, orders.speed_cap, orders.thrust_scale, orders.grip_scale),
             *(orders.valid_s, orders.lights_s, self.heard_s),
             *(control.steering, control.throttle, control.brake),
         )
+        return head + b"".join(PEER.pack(*astuple(peer)) for peer in peers)
 
     @staticmethod
     def unpack(data: bytes) -> "Word":
         """Return what `pack` wrote."""
-        has_orders, flag, trust, epoch, tick, sequence, buttons, decisions, *rest = WORD.unpack(
-            data
-        )
+        has_orders, flag, trust, count, *numbers = WORD.unpack_from(data)
+        epoch, tick, sequence, buttons, decisions, *rest = numbers
+        peers = PEER.iter_unpack(data[WORD.size : WORD.size + count * PEER.size])
         clock_us, cap, thrust, grip, valid_s, lights_s, heard_s, steering, throttle, brake = rest
         orders = GivenOrders(
             *(cap, thrust, epoch, tick, sequence, grip, valid_s, clock_us, lights_s),
             *(Flag(flag), Trust(trust)),
         )
         control = Control(steering, throttle, brake, Button(buttons))
-        return Word(orders if has_orders else None, heard_s, control, decisions)
+        told = tuple(Peer(*row) for row in peers)
+        return Word(orders if has_orders else None, heard_s, control, decisions, told)
 
 
 UNKNOWN = Health()
@@ -87,6 +93,7 @@ class Report:
     health: Health = UNKNOWN
     is_through: bool = False  # the kart has nothing more to do
     is_cut: bool = False  # as if the radio were off
+    braking: float = 0.0  # [m/s²] that it asks of its brakes
 
     def pack(self) -> bytes:
         """Return it as bytes."""
@@ -103,6 +110,7 @@ class Report:
             *(danger.bearing, danger.distance, danger.time_s, danger.needed),
             *(map(int, health.sensors)),
             *(health.heading_deviation, *_or_below(health.link_s, health.battery)),
+            self.braking,
         )
         return head + ranges.astype("<f8").tobytes()
 
@@ -129,4 +137,5 @@ class Report:
             Health(tuple(map(SensorState, row[26:34])), row[34], *_known(*row[35:37])),
             bool(is_through),
             bool(is_cut),
+            row[37],
         )

@@ -191,11 +191,16 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
 def _start_drivers(plan: RaceSpec, group: ProcessGroup, log: Any) -> None:
     """Start a process for each seat: a driver, or a plant with its driver."""
     plants = {real.seat: real.options for real in plan.real}
+    meets = {seat: free_address() for seat in plants}
     for seat, name in enumerate(plan.drivers):
         ask = ["--connect", plan.address, "--session", plan.session, "--seat", str(seat)]
         ask += ["--patience", str(START_S)]
         if seat in plants:
             options = ["--driver", name, "--seed", str(seat + 1), *plants[seat]]
+            options += ["--peers-at", meets[seat]]
+            options += [
+                word for other in plants.keys() - {seat} for word in ("--peer", meets[other])
+            ]
             group.start(["plant", *options, *ask], log)
         else:
             group.start(["drive", name, *ask], log)

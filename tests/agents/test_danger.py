@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from race_agents.plant.encounter import ADULT, KMH, Case, meet
-from race_agents.plant.matrices import WALKS, _ahead, _crosses
+from race_agents.plant.encounter import ADULT, KMH, WALKS, Case, meet
+from race_agents.plant.moves import crosses, goes_ahead
 from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.danger import danger_of, watch_danger
@@ -135,14 +135,14 @@ def test_only_the_last_stage_brakes_fully() -> None:
 
 @pytest.mark.parametrize("speed", [20.0, 50.0])
 def test_with_a_radar_that_errs_a_kart_stops_for_who_crosses(speed: float) -> None:
-    crosses = partial(_crosses, pace=WALKS, side=-1.0, at=0.0, x=ADULT)
-    outcome = meet(Case("crosses", speed * KMH, crosses), KART_60, Sensors(radar=ERRS), 1)
+    walks = partial(crosses, pace=WALKS, side=-1.0, at=0.0, x=ADULT)
+    outcome = meet(Case("crosses", speed * KMH, walks), KART_60, Sensors(radar=ERRS), 1)
     assert outcome.impact is None
     assert outcome.lead_s > 0.8
 
 
 def test_with_a_radar_that_errs_a_kart_passes_who_stands_a_metre_beside_its_way() -> None:
-    stands = partial(_ahead, pace=0.0, at=0.65 + 1.0 + ADULT, x=0.0)
+    stands = partial(goes_ahead, pace=0.0, at=0.65 + 1.0 + ADULT, x=0.0)
     outcome = meet(Case("beside", 50 * KMH, stands), KART_60, Sensors(radar=ERRS), 1)
     assert outcome.braked_s == math.inf
     assert outcome.least_gap == pytest.approx(1.0, abs=0.05)

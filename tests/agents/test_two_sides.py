@@ -21,7 +21,7 @@ from race_agents.unit.mailbox import CRC, HEAD, Freshness, Mailbox, size_of
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.records import Report, Word
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Peer, Pose, RayHit, Source, Trust
 from race_server.core.vehicle_presets import KART_60
 from race_server.errors import RecordingError
 
@@ -66,6 +66,8 @@ def test_words_and_reports_come_out_as_they_went_in() -> None:
     orders = GivenOrders(9.5, 0.5, 3, 70, 8, 0.25, 0.5, 1 << 40, 1.5, Flag.YELLOW, Trust.DOUBTFUL)
     word = Word(orders, 12.5, Control(0.25, -0.5, 0.125, Button.USE_ITEM), 7)
     assert Word.unpack(word.pack()) == word
+    others = (Peer(-5, 1.5, -2.5, 0.5, 3.0), Peer(1 << 40, 9.0, 8.0, 0.25, -1.0, braking=6.5))
+    assert Word.unpack(replace(word, peers=others).pack()).peers == others
     assert Word.unpack(Word().pack()) == Word()
     endless = replace(word, orders=replace(orders, speed_cap=math.inf))
     assert Word.unpack(endless.pack()) == endless
@@ -77,10 +79,11 @@ def test_words_and_reports_come_out_as_they_went_in() -> None:
         Button.USE_ITEM,
         np.array([1.0, 0.0, 2.5]),
         is_through=True,
+        braking=6.5,
     )
     again = Report.unpack(report.pack())
     assert (again.pose, again.alert, again.buttons) == (pose, report.alert, Button.USE_ITEM)
-    assert (again.is_through, again.is_cut) == (True, False)
+    assert (again.is_through, again.is_cut, again.braking) == (True, False, 6.5)
     assert again.ranges is not None
     assert again.ranges.tolist() == [1.0, 0.0, 2.5]
     assert Report.unpack(Report().pack()).pose is None

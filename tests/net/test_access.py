@@ -4,13 +4,21 @@ import pytest
 
 from race_server.credentials import badge_of, key_of, key_of_badge
 from race_server.errors import LinkError
-from race_server.net.auth.access import ANYONE, access_control, keys_allowed, roles_of
-from race_server.net.auth.limits import rate_limit, size_filter
+from race_server.net.auth.access import (
+    ANYONE,
+    access_control,
+    keys_allowed,
+    peer_access_control,
+    roles_of,
+)
+from race_server.net.auth.limits import peer_rate_limit, rate_limit, size_filter
 from race_server.net.auth.seat_owners import SeatOwners
 from race_server.net.auth.settings import (
     ListenSettings,
+    PeerSettings,
     check_listen_settings,
     is_local,
+    peer_settings,
 )
 from race_server.net.wire import topics
 
@@ -45,8 +53,47 @@ def test_only_the_steward_may_ask_for_what_is_the_stewards() -> None:
 def test_every_topic_that_clients_use_is_in_the_rules_of_a_closed_session() -> None:
     allowed = {key for keys in keys_allowed("cup", ANYONE).values() for key in keys}
     for topic in topics.TOPICS:
+        if topic.direction == "peer":  # no server has to do with it
+            continue
         place = topics.EVERY if topic.is_seats else -1
         assert topics.key_of(topic, "cup", place) in allowed
+
+
+def test_a_server_passes_nothing_on_between_real_karts() -> None:
+    allowed = {key for keys in keys_allowed("cup", ANYONE).values() for key in keys}
+    assert not [key for key in allowed if "/peer/" in key]
+
+
+def test_a_real_kart_believes_each_certificate_for_its_own_seat_only() -> None:
+    control = peer_access_control("cup", 1, range(3), keys=True)
+    assert control["default_permission"] == "deny"
+    names = [subject["cert_common_names"] for subject in control["subjects"]]
+    assert names == [["cup-seat-0"], ["cup-seat-2"]]
+    sends = {
+        rule["id"]: rule["key_exprs"] for rule in control["rules"] if rule["id"].endswith("send")
+    }
+    assert sends == {"seat-0 may send": ["race/cup/peer/0"], "seat-2 may send": ["race/cup/peer/2"]}
+
+
+def test_each_real_kart_has_a_rate_of_its_own() -> None:
+    (rates,) = peer_rate_limit("cup", range(2))
+    assert rates["rules"] == [
+        {"key_expr": "race/cup/peer/0", "freq": 100.0},
+        {"key_expr": "race/cup/peer/1", "freq": 100.0},
+    ]
+
+
+@pytest.mark.parametrize(
+    "addresses",
+    [
+        ("tcp/192.168.1.21:7460", "tcp/127.0.0.1:7461"),
+        ("tcp/127.0.0.1:7460", "tcp/192.168.1.22:7460"),
+        ("tls/192.168.1.21:7460", "tcp/192.168.1.22:7460"),
+    ],
+)
+def test_real_karts_on_a_network_need_certificates(addresses: tuple[str, str]) -> None:
+    with pytest.raises(LinkError, match="know each other by their certificates"):
+        peer_settings(PeerSettings(addresses[0], addresses[1:], "cup", 0))
 
 
 def test_what_no_rule_allows_is_denied_and_both_credentials_must_fit() -> None:

@@ -10,6 +10,7 @@ from race_server.net.wire import alert as alerts
 from race_server.net.wire import (
     drive,
     links,
+    peer,
     spectate,
     telemetry,
     topics,
@@ -65,6 +66,7 @@ def test_structs_in_numpy_are_as_long_as_in_the_schemas() -> None:
     assert spectate.HAZARD.itemsize == 16
     assert drive.CONTROL.size == 28
     assert poses.POSE.size == 72
+    assert peer.PEER.size == 72
     assert links.LINK.itemsize == 12
     assert (alerts.ALERT.size, alerts.ROW.itemsize) == (40, 24)
     assert (telemetry.TELEMETRY.size, telemetry.ROW.itemsize) == (56, 44)

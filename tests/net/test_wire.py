@@ -1,6 +1,7 @@
 """What comes off the network is what was sent."""
 
 import json
+import math
 from dataclasses import fields, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from race_server.net.wire import (
     links,
     lobby,
     parking,
+    peer,
     programme,
     rays,
     spectate,
@@ -39,6 +41,7 @@ from support.messages import (
     LOT,
     ORDER,
     PARKED,
+    PEER,
     PROGRAMME,
     RAYS,
     STANDINGS,
@@ -358,6 +361,27 @@ def test_telemetry_comes_back_as_it_was_sent_known_or_not(told: Telemetry) -> No
     sent = telemetry.TelemetriesFrame(4, 600, {3: told, 5: told})
     back = telemetry.decode_telemetries(telemetry.encode_telemetries(sent))
     assert dict(back.karts) == {seat: replace(told, stamp_us=0) for seat in (3, 5)}
+
+
+def test_what_a_kart_tells_the_others_comes_back_as_it_was_sent() -> None:
+    assert peer.decode_peer(peer.encode_peer(PEER)) == PEER
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"x": math.nan},
+        {"speed": math.inf},
+        {"yaw_rate": 101.0},
+        {"braking": -1.0},
+        {"deviation": -0.5},
+        {"length": 51.0},
+    ],
+)
+def test_a_peer_that_no_kart_can_be_is_refused(wrong: dict[str, float]) -> None:
+    frame = replace(PEER, peer=replace(PEER.peer, **wrong))
+    with pytest.raises(WireError, match="peer out of range"):
+        peer.decode_peer(peer.encode_peer(frame))
 
 
 def test_telemetry_of_unknown_states_is_refused() -> None:

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pytest
 
+from race_server.core.link_clock import LinkClock
 from race_server.core.messages import (
     Pose,
     PoseFault,
     Trust,
 )
 from race_server.core.vehicle_presets import KART_60, TT02
-from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 from race_server.session.tracked.tracker import Tracker

@@ -16,6 +16,7 @@ from race_server.core.messages import (
     Flag,
     Merit,
     Parking,
+    Peer,
     Phase,
     PlannedWay,
     PoseFault,
@@ -41,6 +42,7 @@ from race_server.net.wire import (
     rays,
     spectate,
 )
+from race_server.net.wire.peer import PeerFrame
 
 
 def snapshot(karts: int = 3, hazards: int = 2) -> spectate.SnapshotFrame:
@@ -69,6 +71,11 @@ ALERT = Alert(
 TELEMETRY = Telemetry(
     *(99, 1.0, 2.0, 0.5, 3.0, 0.25, Source.BEACONS, DangerStage.EASE, Cause.SENSOR),
     Health((SensorState.WELL,) * 7 + (SensorState.SILENT,), 0.125, 0.5, 0.75),
+)
+
+# Numbers that 32 bits hold: a kart that brakes, and answers the clock of seat 3.
+PEER = PeerFrame(
+    4, Peer(99, 1.0, 2.0, 0.5, 3.0, 0.25, -0.5, 6.5, 0.125, 0.0625, 2.0, 1.25), 3, 1 << 40
 )
 
 EVENTS = [

@@ -2,12 +2,13 @@
 
 Rules are zenoh's: messages of a kind, on keys, into the server (ingress) or out of it (egress).
 The server is the only router, so nothing passes from client to client unless two rules let it.
+Real karts are peers of one another, without a router: each has such rules for the others.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
-from race_server.net.wire.topics import EVERY, TOPICS, Topic, key_of
+from race_server.net.wire.topics import EVERY, PEER, TOPICS, Topic, key_of
 
 SPECTATOR, STEWARD = "spectator", "steward"
 # For each kind of rule: where it acts, which messages it allows. Clients learn of queryables and
@@ -65,7 +66,7 @@ def keys_allowed(session: str, role: Role) -> dict[str, list[str]]:
 
 
 def _kinds_of(topic: Topic, role: Role) -> tuple[str, ...]:
-    if topic.is_seats and role.seat == "":
+    if topic.direction == "peer" or (topic.is_seats and role.seat == ""):
         return ()
     if topic.direction == "up":
         return ("live",) if topic.is_token else ("send", "be wanted")
@@ -80,10 +81,42 @@ def access_control(
     session: str, roles: tuple[Role, ...], *, passwords: bool, certificates: bool
 ) -> dict[str, Any]:
     """Return zenoh's access control for roles, identified by user name, certificate or both."""
+    allowed = {role: keys_allowed(session, role) for role in roles}
+    return _control_of(session, allowed, passwords=passwords, certificates=certificates)
+
+
+def peer_access_control(session: str, own: int, others: range, *, keys: bool) -> dict[str, Any]:
+    """Return zenoh's access control of a real kart among its peers.
+
+    own: its seat; others: seats that may be peers. With keys a certificate names the seat of each:
+    no kart speaks for another one. Without them, on one machine, any peer does for all.
+    """
+    every, mine = key_of(PEER, session, EVERY), key_of(PEER, session, own)
+    told = {"listen": [every], "be wanted": [every], "hear": [mine]}
+    if not keys:
+        return _control_of(
+            session, {ANYONE: {"send": [every], **told}}, passwords=False, certificates=False
+        )
+    allowed = {
+        Role(seat_name(seat), seat): {"send": [key_of(PEER, session, seat)], **told}
+        for seat in others
+        if seat != own
+    }
+    return _control_of(session, allowed, passwords=False, certificates=True)
+
+
+def _control_of(
+    session: str,
+    allowed: dict[Role, dict[str, list[str]]],
+    *,
+    passwords: bool,
+    certificates: bool,
+) -> dict[str, Any]:
+    """Return zenoh's access control for what each role is allowed, by kind of rule."""
     rules, subjects, policies = [], [], []
-    for role in roles:
+    for role, kinds in allowed.items():
         own = []
-        for kind, keys in keys_allowed(session, role).items():
+        for kind, keys in kinds.items():
             flows, messages = _KINDS[kind]
             own.append(f"{role.name} may {kind}")
             rules.append(

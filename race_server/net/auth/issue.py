@@ -80,15 +80,22 @@ class Authority:
             .not_valid_after(self.end)
         )
 
-    def certify(self, folder: Path, name: str, hosts: Sequence[str] = ()) -> None:
-        """Write authority, certificate and key into a folder; with `hosts` for a server."""
+    def certify(
+        self, folder: Path, name: str, hosts: Sequence[str] = (), *, is_peer: bool = False
+    ) -> None:
+        """Write authority, certificate and key into a folder; with `hosts` for a server.
+
+        is_peer: of a real kart, to which others connect, too. Its certificate names no host, so no
+        client takes it for a server.
+        """
         key = ec.generate_private_key(ec.SECP256R1())
-        use = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
+        uses = [ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH]
+        uses += [ExtendedKeyUsageOID.SERVER_AUTH] if is_peer else []
         names = [_host(host) for host in hosts] or [x509.DNSName(name)]
         certificate = (
             self._builder(_name(name), key.public_key())
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-            .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
+            .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
             .add_extension(x509.SubjectAlternativeName(names), critical=False)
             .sign(self._key, hashes.SHA256())
         )
@@ -137,7 +144,7 @@ def _issue(order: Order, folder: Path) -> list[ClientKeys]:
         own = folder / role
         own.mkdir(mode=0o700)
         name = common_name(order.session, role)
-        authority.certify(own, name)
+        authority.certify(own, name, is_peer=seat < order.seats)
         keys = ClientKeys(
             folder=own,
             session=order.session,

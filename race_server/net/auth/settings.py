@@ -1,4 +1,7 @@
-"""zenoh's settings of server and client. They are fixed when a session opens."""
+"""zenoh's settings of server, client, and of real karts among one another.
+
+They are fixed when a session opens.
+"""
 
 import ipaddress
 import json
@@ -13,10 +16,16 @@ from race_server.net.auth.access import (
     Role,
     access_control,
     common_name,
+    peer_access_control,
     roles_of,
 )
 from race_server.net.auth.keys import CA, CERTIFICATE, KEY, PASSWORDS, ClientKeys, ServerKeys
-from race_server.net.auth.limits import rate_limit, size_filter
+from race_server.net.auth.limits import (
+    peer_rate_limit,
+    peer_size_filter,
+    rate_limit,
+    size_filter,
+)
 
 # Timeout of a silent link. A closed link is seen at once; this is for hosts that die, and long
 # enough that a network which loses a fifth of all packets breaks no link.
@@ -45,6 +54,10 @@ MOST_MESSAGE = 65536
 # be in it.
 ACCEPT_MS, MOST_ACCEPTED = 5000, 1000
 _ENCRYPTED = ("tls", "quic")
+# Seats of a race: those that may be peers of a real kart.
+SEATS = range(64)
+# How soon and how often a client, and a real kart, try to connect again.
+RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5}
 
 
 @dataclass(frozen=True)
@@ -95,8 +108,7 @@ def server_settings(settings: ListenSettings) -> dict[str, Any]:
         if encrypted:
             config["transport/link/tls"] = {
                 "root_ca_certificate": str(keys.folder / CA),
-                "listen_certificate": str(keys.folder / CERTIFICATE),
-                "listen_private_key": str(keys.folder / KEY),
+                **_certificate_of(keys, "listen"),
                 "enable_mtls": True,
                 "close_link_on_expiration": True,
             }
@@ -112,11 +124,7 @@ def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> 
     settings: dict[str, Any] = {
         **_common("client", "connect", address, timeout_ms=round(timeout_s * 1000)),
         "connect/exit_on_failure": True,
-        "connect/retry": {
-            "period_init_ms": 100,
-            "period_max_ms": 200,
-            "period_increase_factor": 1.5,
-        },
+        "connect/retry": RETRY,
         "listen/endpoints": [],
     }
     if keys is not None:
@@ -129,12 +137,79 @@ def client_settings(address: str, keys: ClientKeys | None, timeout_s: float) -> 
             )
         settings["transport/link/tls"] = {
             "root_ca_certificate": str(keys.folder / CA),
-            "connect_certificate": str(keys.folder / CERTIFICATE),
-            "connect_private_key": str(keys.folder / KEY),
+            **_certificate_of(keys, "connect"),
             "enable_mtls": True,
             "verify_name_on_connect": True,
         }
     return settings
+
+
+@dataclass(frozen=True)
+class PeerSettings:
+    """Where a real kart and its peers listen to one another, and who it is."""
+
+    address: str  # its own
+    others: tuple[str, ...]
+    session: str
+    seat: int
+    keys: ClientKeys | None = None  # None: no credentials, loopback only
+
+
+def peer_settings(settings: PeerSettings) -> dict[str, Any]:
+    """Return zenoh's settings of a real kart's session with the others.
+
+    Raises:
+        LinkError: an address can be reached from other machines and is not encrypted.
+        KeysError: it is encrypted and there is no certificate.
+    """
+    keys, addresses = settings.keys, (settings.address, *settings.others)
+    is_secret = all(map(is_encrypted, addresses))
+    if not is_secret and not all(map(is_local, addresses)):
+        raise LinkError(
+            f"{', '.join(addresses)}: real karts on a network know each other by their "
+            "certificates; pass addresses such as tls/192.168.1.21:7460, and --keys"
+        )
+    if is_secret and (keys is None or not (keys.folder / CERTIFICATE).exists()):
+        raise KeysError(
+            f"{settings.address} is encrypted and requires a certificate: pass the folder from "
+            "the organiser with --keys"
+        )
+    control = peer_access_control(settings.session, settings.seat, SEATS, keys=is_secret)
+    config: dict[str, Any] = {
+        **_common("peer", "listen", settings.address),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": list(settings.others),
+        # Karts come and go: each is tried again for as long as this one runs.
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": RETRY,
+        "transport/link/tx/queue": QUEUE,
+        "access_control": control,
+        "low_pass_filter": peer_size_filter(settings.session),
+        "downsampling": peer_rate_limit(settings.session, SEATS),
+        "transport/unicast/max_sessions": 2 * len(SEATS),
+        "transport/unicast/accept_timeout": ACCEPT_MS,
+        "transport/link/rx/max_message_size": MOST_MESSAGE,
+    }
+    if is_secret:
+        assert keys is not None
+        config["transport/link/tls"] = {
+            "root_ca_certificate": str(keys.folder / CA),
+            **_certificate_of(keys, "listen"),
+            **_certificate_of(keys, "connect"),
+            "enable_mtls": True,
+            # A kart's certificate names its seat, not its address.
+            "verify_name_on_connect": False,
+            "close_link_on_expiration": True,
+        }
+    return config
+
+
+def _certificate_of(keys: ClientKeys | ServerKeys, where: str) -> dict[str, str]:
+    return {
+        f"{where}_certificate": str(keys.folder / CERTIFICATE),
+        f"{where}_private_key": str(keys.folder / KEY),
+    }
 
 
 def _common(mode: str, where: str, *addresses: str, timeout_ms: int = 0) -> dict[str, Any]:

@@ -21,7 +21,7 @@ class Topic:
     message: str  # table in schemas/
     identifier: bytes  # of the FlatBuffer
     # up: driver to server; down: server to seat; out: server to all; query; admin: a query of a
-    # steward
+    # steward; peer: kart to kart, never by a server
     direction: str
     rate: str
     most_bytes: int  # larger messages are dropped without decoding
@@ -53,6 +53,8 @@ POSE_HZ = 200.0
 ALERT_HZ = 200.0
 # Five a second, and one for each change of a sensor.
 TELEMETRY_HZ = 50.0
+# Twice the rate of a real kart.
+PEER_HZ = 100.0
 # Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
 SHARED_HZ = 20.0
@@ -72,6 +74,8 @@ TELEMETRY = Topic(
 # machine, with a server or without.
 OWN_POSE = Topic("own/pose/{seat}", "PoseMessage", b"RPOS", "down", "50 Hz", 256, True, False)
 OWN_ALERT = Topic("own/alert/{seat}", "AlertMessage", b"RALR", "down", "50 Hz", 256, True, False)
+# From a real kart to all others: they are peers of one another, and need no server.
+PEER = Topic("peer/{seat}", "PeerMessage", b"RPER", "peer", "50 Hz", 256, True, False, PEER_HZ)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 ORDER = Topic("order/{seat}", "ParkingOrder", b"RORD", "down", "2 Hz", 262144, True, False)
@@ -130,6 +134,7 @@ TOPICS = (
     TELEMETRY,
     OWN_POSE,
     OWN_ALERT,
+    PEER,
     OBSERVATION,
     HUD,
     ORDER,

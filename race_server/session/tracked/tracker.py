@@ -4,8 +4,8 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 from race_server.core.clock import MICROSECONDS
+from race_server.core.link_clock import LinkClock
 from race_server.core.messages import Pose, PoseFault, Trust
-from race_server.session.tracked.clock import LinkClock
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits, doubt_of, is_jump, predict
 

@@ -20,6 +20,7 @@ from race_server.core.messages import (
     EventKind,
     EventPhase,
     Flag,
+    Peer,
     Phase,
     Pose,
     PoseFault,
@@ -47,6 +48,7 @@ from race_server.net.wire import (
     links,
     lobby,
     parking,
+    peer,
     placement,
     pose,
     programme,
@@ -207,6 +209,9 @@ def _of_races() -> Iterator[Decoder]:
     yield _client(said, alert.decode_alerts, topics.ALERTS.most_bytes)
     told = telemetry.encode_telemetries(telemetry.TelemetriesFrame(2, 600, {3: TOLD}))
     yield _client(told, telemetry.decode_telemetries, topics.TELEMETRIES.most_bytes)
+    other = Peer(99, 1.0, 2.0, 0.5, 3.0, 0.1, 0.2, 4.0, 0.02, 0.01, 1.9, 1.3)
+    near = peer.encode_peer(peer.PeerFrame(2, other, 3, 77))
+    yield _client(near, peer.decode_peer, topics.PEER.most_bytes)
     order = ParkingOrder(Slot(1.0, 2.0, 0.5, 3.0, 2.0), Level(), np.ones((4, 4)), np.ones((2, 5)))
     asked = parking.encode_order(parking.OrderFrame(2, 1, order))
     yield _client(asked, parking.decode_order, topics.ORDER.most_bytes)

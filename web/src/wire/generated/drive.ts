@@ -10,6 +10,8 @@ export { Effect } from './drive/effect.js';
 export { Hud } from './drive/hud.js';
 export { Level } from './drive/level.js';
 export { ParkingOrder } from './drive/parking-order.js';
+export { Peer } from './drive/peer.js';
+export { PeerMessage } from './drive/peer-message.js';
 export { Pose } from './drive/pose.js';
 export { PoseMessage } from './drive/pose-message.js';
 export { SeatObservation } from './drive/seat-observation.js';
