@@ -44,7 +44,8 @@ class _Way:
     """A way, and how far a vehicle is on it.
 
     A stretch is the move from the end of the one before to its own end. The first is the place
-    where the way begins alone, the last the one where it ends.
+    where the way begins alone, the last the one where it ends. A vehicle that waits stands
+    somewhere in the stretch that it was cleared into.
     """
 
     boxes: Floats  # (P, 6) of the body, see `Traffic.boxes`
@@ -186,7 +187,7 @@ class Traffic:
         """Find where on their ways two vehicles meet.
 
         `_meets[one, other]`, (S, T): in stretch s of one and stretch t of the other; `_will_meet`:
-        in t and somewhere behind s.
+        somewhere behind s, while the other is in t.
         """
         way, its = self._ways[one], self._ways[other]
         meets = touching(way.boxes, its.boxes, APART)
@@ -239,7 +240,8 @@ class Traffic:
         blocked = np.zeros(way.last + 1, bool)
         for other, its in self._ways.items():
             if other != number:
-                held = self._meets[number, other][first:, its.passed : its.cleared + 1]
+                driven = slice(min(its.passed + 1, its.cleared), its.cleared + 1)
+                held = self._meets[number, other][first:, driven]
                 blocked[first:] |= held.any(axis=1)
         blocked[first:] |= self._is_occupied(number, first)
         return first + int(blocked[first:].argmax()) - 1 if blocked[first:].any() else way.last
