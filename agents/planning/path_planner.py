@@ -50,6 +50,10 @@ MESHES = (
     Mesh(0.8, 0.05, 0.10, 0.020, math.radians(1.0), 1.0, greed=1.6, nodes=200_000),
     Mesh(0.8, 0.02, 0.05, 0.005, math.radians(0.5), 1.0, greed=1.6, nodes=200_000),
 )
+# What looks no farther than it must: a way that is longer than need be, in a tenth of the steps.
+# Of the steps that a plan may take this share is left for it, where the others find none.
+EAGER = Mesh(0.8, 0.10, 0.40, 0.400, math.radians(5.0), 1.0, greed=3.0, nodes=60_000)
+EAGER_SHARE = 0.25
 # As many steps as a search likes to take.
 ENDLESS = 1 << 62
 
@@ -126,7 +130,11 @@ class PathPlanner:
             )
         # What is found from the goal is driven the other way round.
         prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
-        for mesh in meshes:
+        careful = self._most_steps - int(EAGER_SHARE * self._most_steps)
+        for mesh in (*meshes, EAGER):
+            is_last = mesh is EAGER
+            if is_last and self.steps < careful:
+                break
             task = Task(
                 root,
                 target,
@@ -136,14 +144,12 @@ class PathPlanner:
                 prices,
                 self._costs,
                 mesh,
-                self._most_steps,
+                self._most_steps if is_last else careful,
             )
             node, word = search(task, None, self._tree)
             if node >= 0:
                 path = self._path(task, node, word)
                 return replace(driven_back(path), start=start) if is_swapped else path
-            if self.steps >= self._most_steps:
-                break
         found = int(self._tree.counts[NODES])
         raise PlanError(
             f"no path from {in_words(start)} to {in_words(goal)}: the search "

@@ -10,8 +10,8 @@ from race_server.core.state import Floats
 from race_server.core.traffic import Traffic
 from race_server.core.vehicles import GRAVITY, Vehicle
 
-# Every n-th point of a track is a place of the way that is announced: they are 0.4 m apart.
-EVERY = 8
+# Every n-th point of a track is a place of the way that is announced: they are 0.1 m apart.
+EVERY = 2
 # Time until brakes act [s], and how far before the end of a clearance [m] a vehicle stops.
 REACTION_S, SHORT = 0.25, 0.1
 # Slower than this [m/s] it is not worth to drive on.

@@ -28,8 +28,9 @@ WALK, RESERVE = 1.6, 0.25
 REACTION_S = 0.25
 # Share of the brakes that a stop counts on.
 STOP_SHARE = 0.7
-# Of the fastest speed, what is tried, from fast to slow.
-SHARES = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)
+# A vehicle drives at least this share of its fastest speed, or not at all; how often the share that
+# it may drive is halved in between: it is found to 0.03.
+LEAST_SHARE, HALVINGS = 0.1, 5
 # What is seen no more, because it is behind or leans on the vehicle, is reckoned with for this time
 # [s]: people rest for up to 3 s, and need 2 s along a vehicle. It may have walked for the second.
 MEMORY_S, WALKED_S = 5.0, 1.5
@@ -163,12 +164,19 @@ def safe_speed(
     """
     if count == 0:
         return math.inf
-    fastest = max(vehicle.top_speed, vehicle.reverse_speed)
-    for share in SHARES:
-        speed = share * fastest
-        if _can_stop(track, int(progress[0]), vehicle, rig, points, count, speed, box):
-            return speed
-    return 0.0
+    fastest, point = max(vehicle.top_speed, vehicle.reverse_speed), int(progress[0])
+    if _can_stop(track, point, vehicle, rig, points, count, fastest, box):
+        return fastest
+    safe, unsafe = LEAST_SHARE * fastest, fastest
+    if not _can_stop(track, point, vehicle, rig, points, count, safe, box):
+        return 0.0
+    for _ in range(HALVINGS):
+        speed = 0.5 * (safe + unsafe)
+        if _can_stop(track, point, vehicle, rig, points, count, speed, box):
+            safe = speed
+        else:
+            unsafe = speed
+    return safe
 
 
 @kernel

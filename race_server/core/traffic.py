@@ -11,40 +11,68 @@ Vehicles without a way stand where they are, and have to be driven around.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core import codes
-from race_server.core.state import Floats, World
+from race_server.core.state import Floats, Ints, World
 
 Bools = NDArray[np.bool_]
 
-# Two bodies come nearer than this on their ways [m]: they meet.
-APART = 0.06
-# A plan keeps so far from other vehicles [m], besides its own margin: what it leaves is more than
-# APART.
-AROUND = 0.1
+# Two bodies come nearer than this on their ways [m]: they meet. Each is off its way by a few
+# centimetres, and moves on between two places.
+APART = 0.1
+# A vehicle passes another one that stands at this distance [m] at least.
+BESIDE = 0.04
+# A plan keeps so far from other vehicles [m], besides its own margin, which is this at most: what
+# it leaves is more than APART.
+AROUND, MARGIN = 0.1, 0.05
 # Slower than this [m/s] a vehicle stands. Where it is seen is off by this noise [m], and by what it
 # moves in this time [s].
 STANDING, NOISE, SCAN_S = 0.05, 0.1, 0.15
-# A vehicle is cleared this number of places ahead if it can be; of them, and of those farther
+# Ways are compared place by place, and cleared in stretches of this number of places.
+STRETCH = 4
+# A vehicle is cleared this number of stretches ahead if it can be; of them, and of those farther
 # away, it tries one of each few.
 HORIZON, STRIDE, FAR_STRIDE = 16, 3, 12
 
 
 @dataclass(eq=False)
 class _Way:
-    """A way, and how far a vehicle is on it."""
+    """A way, and how far a vehicle is on it.
+
+    A stretch is the move from the end of the one before to its own end. The first is the place
+    where the way begins alone, the last the one where it ends. A vehicle that waits stands
+    somewhere in the stretch that it was cleared into.
+    """
 
     boxes: Floats  # (P, 6) of the body, see `Traffic.boxes`
-    passed: int = 0  # number of the place that was passed last
-    cleared: int = 0  # number of the place that it may drive to
+    passed: int = 0  # number of the stretch that was passed last
+    cleared: int = 0  # number of the stretch to whose end it may drive
     refused: int = -1  # at this state of all ways it was cleared no farther
+
+    @cached_property
+    def ends(self) -> Ints:
+        """The last place of each stretch, (S,)."""
+        last = len(self.boxes) - 1
+        return np.unique([*range(0, last, STRETCH), max(last - 1, 0), last])
+
+    @cached_property
+    def starts(self) -> Ints:
+        """The first place of each stretch, (S,)."""
+        return np.append(0, self.ends[:-1] + 1)
 
     @property
     def last(self) -> int:
-        return len(self.boxes) - 1
+        return len(self.ends) - 1
+
+    def touches(self, others: Floats, apart: float, first: int = 0) -> Bools:
+        """Return in which stretches from `first` on it comes near other boxes, (B, 6): (S,)."""
+        start = int(self.starts[first])
+        near = touching(self.boxes[start:], others, apart).any(axis=1)
+        return np.logical_or.reduceat(near, self.starts[first:] - start)
 
 
 class Traffic:
@@ -124,7 +152,11 @@ class Traffic:
             if other != number and self.is_on_its_way[other] and (all_goals or other in self._ways)
         ]
         boxes = np.concatenate([standing, np.reshape(goals, (-1, 6))])
-        boxes[:, 4:] += AROUND
+        # From where it is already nearer there has to be a way, too.
+        own, around = self.boxes[[number]], np.full(len(boxes), AROUND)
+        for near, less in ((AROUND, BESIDE), (BESIDE, 0.0)):
+            around[touching(boxes, own, near + MARGIN)[:, 0]] = less
+        boxes[:, 4:] += around[:, None]
         return boxes
 
     def _standing(self, number: int) -> Floats:
@@ -136,7 +168,8 @@ class Traffic:
     def announce(self, number: int, boxes: Floats) -> bool:
         """Take the way of a vehicle, (P, 6) places of its body; False where it would block others.
 
-        The vehicle is at the first place.
+        The vehicle is at the first place. Places are so near to each other that the body moves by
+        no more than APART from one to the next.
         """
         self.withdraw(number)
         self._ways[number] = _Way(boxes)
@@ -153,13 +186,17 @@ class Traffic:
     def _compare(self, one: int, other: int) -> None:
         """Find where on their ways two vehicles meet.
 
-        `_meets[one, other]`, (P, Q): at place p of one and place q of the other; `_will_meet`: at q
-        and somewhere from p on.
+        `_meets[one, other]`, (S, T): in stretch s of one and stretch t of the other; `_will_meet`:
+        somewhere behind s, while the other is in t.
         """
-        meets = touching(self._ways[one].boxes, self._ways[other].boxes, APART)
+        way, its = self._ways[one], self._ways[other]
+        meets = touching(way.boxes, its.boxes, APART)
+        meets = np.logical_or.reduceat(meets, way.starts, axis=0)
+        meets = np.logical_or.reduceat(meets, its.starts, axis=1)
         for pair, table in (((one, other), meets), ((other, one), meets.T)):
             self._meets[pair] = table
-            self._will_meet[pair] = np.logical_or.accumulate(table[::-1], axis=0)[::-1]
+            behind = np.logical_or.accumulate(table[:0:-1], axis=0)[::-1]
+            self._will_meet[pair] = np.concatenate([behind, np.zeros_like(table[:1])])
 
     def withdraw(self, number: int) -> None:
         """Forget the way of a vehicle: it stops, and stands."""
@@ -176,51 +213,60 @@ class Traffic:
         passed: number of the place on its way that it has passed.
         """
         way = self._ways[number]
-        now = max(way.passed, min(passed, way.cleared))
+        stretch = int(np.searchsorted(way.ends, passed, side="right")) - 1
+        now = max(way.passed, min(stretch, way.cleared))
         self._state += now > way.passed
         way.passed = now
         first, wanted = way.cleared + 1, min(now + HORIZON, way.last)
-        if first > wanted or way.refused == self._state:
-            return way.cleared
-        free = self._free_until(number, first)
+        if first <= wanted and way.refused != self._state:
+            self._clear_on(number, first, wanted)
+        return int(way.ends[way.cleared])
+
+    def _clear_on(self, number: int, first: int, wanted: int) -> None:
+        """Clear a vehicle into stretches from `first` to `wanted`, and as far on as it must."""
+        way, free = self._ways[number], self._free_until(number, first)
         near = range(min(free, wanted), way.cleared, -STRIDE)
         # Beyond a narrow place an order may be left where there is none inside of it.
-        for place in (*near, *range(wanted + FAR_STRIDE, free, FAR_STRIDE), max(free, wanted)):
-            if place <= free and self._can_all_arrive(number, place):
+        for stretch in (*near, *range(wanted + FAR_STRIDE, free, FAR_STRIDE), max(free, wanted)):
+            if stretch <= free and self._can_all_arrive(number, stretch):
                 self._state += 1
-                way.cleared = place
-                return place
+                way.cleared = stretch
+                return
         way.refused = self._state
-        return way.cleared
 
     def _free_until(self, number: int, first: int) -> int:
-        """Return the last place from `first` on before which no other vehicle is in the way."""
+        """Return the last stretch from `first` on before which no other vehicle is in the way."""
         way = self._ways[number]
         blocked = np.zeros(way.last + 1, bool)
         for other, its in self._ways.items():
             if other != number:
-                held = self._meets[number, other][first:, its.passed : its.cleared + 1]
+                driven = slice(min(its.passed + 1, its.cleared), its.cleared + 1)
+                held = self._meets[number, other][first:, driven]
                 blocked[first:] |= held.any(axis=1)
-        standing = self._standing(number)
-        if len(standing):
-            blocked[first:] |= touching(way.boxes[first:], standing, APART).any(axis=1)
+        blocked[first:] |= self._is_occupied(number, first)
         return first + int(blocked[first:].argmax()) - 1 if blocked[first:].any() else way.last
 
     def is_obstructed(self, number: int) -> bool:
         """Return whether a vehicle without a way stands on the way of this one."""
         way = self._ways[number]
-        standing = self._standing(number)
-        return bool(touching(way.boxes[way.passed :], standing, APART).any())
+        return bool(self._is_occupied(number, min(way.passed + 1, way.last)).any())
 
-    def _can_all_arrive(self, number: int, place: int) -> bool:
-        """Return whether an order is left for all, once a vehicle stands at a place of its way."""
-        places = {other: way.cleared for other, way in self._ways.items()} | {number: place}
-        left = [other for other in self._order if other in places]
-        left += [other for other in places if other not in left]
+    def _is_occupied(self, number: int, first: int) -> Bools:
+        """Return in which stretches of a way from `first` on a vehicle without a way stands."""
+        way, standing = self._ways[number], self._standing(number)
+        is_near = touching(way.boxes[:1], standing, BESIDE)[0]
+        beside = way.touches(standing[~is_near], BESIDE, first)
+        return beside | way.touches(standing[is_near], 0.0, first)
+
+    def _can_all_arrive(self, number: int, stretch: int) -> bool:
+        """Return whether an order is left for all, once a vehicle is cleared into a stretch."""
+        stretches = {other: way.cleared for other, way in self._ways.items()} | {number: stretch}
+        left = [other for other in self._order if other in stretches]
+        left += [other for other in stretches if other not in left]
         order: list[int] = []
         while left:
             for one in left:
-                if self._can_arrive(one, places, left, order):
+                if self._can_arrive(one, stretches, left, order):
                     left.remove(one)
                     order.append(one)
                     break
@@ -230,16 +276,17 @@ class Traffic:
         return True
 
     def _can_arrive(
-        self, one: int, places: dict[int, int], left: list[int], arrived: list[int]
+        self, one: int, stretches: dict[int, int], left: list[int], arrived: list[int]
     ) -> bool:
         """Return whether a vehicle can drive to its end, the others standing.
 
-        places: of those that are left; the others have arrived at the ends of their ways.
+        stretches: of those that are left, in which they stand; the others have arrived at the ends
+        of their ways.
         """
-        place = places[one]
+        stretch = stretches[one]
         return not (
-            any(o != one and self._will_meet[one, o][place, places[o]] for o in left)
-            or any(self._will_meet[one, o][place, -1] for o in arrived)
+            any(o != one and self._will_meet[one, o][stretch, stretches[o]] for o in left)
+            or any(self._will_meet[one, o][stretch, -1] for o in arrived)
         )
 
 

@@ -14,6 +14,7 @@ from race_agents.planning.planned_way import planned_way
 from race_agents.planning.planner_process import PlannerProcess
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.unexpected import (
+    LEAST_SHARE,
     MEMORY_S,
     RESERVE,
     WALK,
@@ -126,6 +127,14 @@ def test_the_nearer_a_person_the_slower() -> None:
     assert speeds[0] > speeds[2] > 0.0
     # The nose is about half a metre ahead of the origin.
     assert speeds[-1] == 0.0
+
+
+def test_it_drives_as_fast_as_it_can_still_stop_to_a_share_of_its_speed() -> None:
+    at = [speed_before(x) / KART_13.top_speed for x in np.arange(1.5, 12.0, 0.1)]
+    # From a tenth on, what it may drive grows with what is free, without steps that are coarser.
+    assert all(share == 0.0 or share >= LEAST_SHARE for share in at)
+    assert max(np.diff(sorted(share for share in at if share > 0.0))) < 0.08
+    assert at == sorted(at)
 
 
 def test_a_person_out_of_sight_for_a_second_may_have_come_a_second_nearer() -> None:

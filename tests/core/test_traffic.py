@@ -8,12 +8,12 @@ import pytest
 
 from race_server.core import codes
 from race_server.core.state import Floats
-from race_server.core.traffic import AROUND, Traffic, touching
+from race_server.core.traffic import APART, AROUND, BESIDE, STRETCH, Traffic, touching
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 
-# Vehicles of these tests are 4 m long and 2 m wide; places on a way are 0.5 m apart.
-SPACING = 0.5
+# Vehicles of these tests are 4 m long and 2 m wide; places on a way are 0.1 m apart.
+SPACING = 0.1
 
 
 def box(x: float, y: float, heading: float = 0.0) -> Floats:
@@ -38,12 +38,12 @@ def traffic_at(*boxes: Floats) -> Traffic:
 
 
 def drive_all(traffic: Traffic, ways: dict[int, Floats]) -> bool:
-    """Drive all vehicles on place by place; return whether all arrive. None may touch another."""
+    """Drive all vehicles on bit by bit; return whether all arrive. None may touch another."""
     at = dict.fromkeys(ways, 0)
     while any(at[number] < len(way) - 1 for number, way in ways.items()):
         before = dict(at)
         for number, way in ways.items():
-            at[number] = min(at[number] + 1, traffic.clear(number, at[number]))
+            at[number] = min(at[number] + STRETCH, traffic.clear(number, at[number]))
             traffic.boxes[number] = way[at[number]]
         for one, other in combinations(range(len(traffic.boxes)), 2):
             assert not touching(traffic.boxes[[one]], traffic.boxes[[other]], 0.0).any()
@@ -78,8 +78,8 @@ def test_who_follows_keeps_behind() -> None:
     ways = {0: straight(5.0, 0.0, 25.0, 0.0), 1: straight(0.0, 0.0, 20.0, 0.0)}
     traffic = traffic_at(ways[0][0], ways[1][0])
     assert all(traffic.announce(number, way) for number, way in ways.items())
-    # One metre is free between them, and 6 cm stay so.
-    assert traffic.clear(1, 0) == 1
+    # One metre is free between them, and 10 cm stay so: two stretches of 0.4 m.
+    assert traffic.clear(1, 0) == 8
     assert drive_all(traffic, ways)
 
 
@@ -90,7 +90,7 @@ def test_of_two_that_come_face_to_face_only_the_first_announces_its_way() -> Non
     assert not traffic.announce(1, ways[1])
     # The first cannot pass it either, and knows what stands there.
     assert traffic.is_obstructed(0)
-    assert traffic.clear(0, 0) < 32
+    assert traffic.clear(0, 0) < 160
     assert traffic.obstacles(0, all_goals=True)[0].tolist() == [
         *ways[1][0][:4],
         2.0 + AROUND,
@@ -101,12 +101,50 @@ def test_of_two_that_come_face_to_face_only_the_first_announces_its_way() -> Non
 def test_no_one_enters_a_lane_that_another_still_has_to_leave() -> None:
     lane = straight(0.0, 0.0, 20.0, 0.0)
     # The other comes out of the lane's end and turns away before its beginning.
-    back = np.concatenate([straight(20.0, 0.0, 5.0, 0.0), straight(5.0, 0.5, 5.0, 10.0)])
+    back = np.concatenate([straight(20.0, 0.0, 5.0, 0.0), straight(5.0, 0.1, 5.0, 10.0)])
     back[:, 2:4] = 1.0, 0.0
-    ways = {0: np.concatenate([straight(-8.0, 0.0, -0.5, 0.0), lane[:, :]]), 1: back}
+    ways = {0: np.concatenate([straight(-8.0, 0.0, -0.1, 0.0), lane]), 1: back}
     traffic = traffic_at(ways[0][0], ways[1][0])
     assert all(traffic.announce(number, way) for number, way in ways.items())
     assert drive_all(traffic, ways)
+
+
+def test_a_corner_that_touches_another_between_the_ends_of_a_stretch_is_seen() -> None:
+    # Both stand at 45°; corner passes corner at the place 22, in the middle of a stretch.
+    middle, corner = 3.0 / math.sqrt(2.0), 1.0 / math.sqrt(2.0)
+    stands = box(0.0, 0.0, math.pi / 4)
+    way = straight(2.0 * middle, 2.0 * corner - 2.2, 2.0 * middle, 2.0 * corner + 2.2)
+    way[:, 2:4] = stands[2:4]
+    assert not touching(way[[20, 24]], stands[None], APART).any()
+    traffic = traffic_at(way[0], stands)
+    assert traffic.announce(0, way)
+    assert traffic.is_obstructed(0)
+    assert traffic.clear(0, 0) == 20
+    # So it is where the other has a way, and stands at its beginning.
+    leaves = straight(0.0, 0.0, -20.0, 0.0)
+    leaves[:, 2:4] = stands[2:4]
+    assert traffic.announce(1, leaves)
+    assert traffic.clear(0, 0) == 20
+
+
+def test_the_nearer_another_stands_the_less_a_plan_has_to_keep_away_from_it() -> None:
+    # Free between the two: 0.3 m, 0.12 m, 0.05 m; a plan keeps 0.05 m at most besides.
+    for gap, around in ((0.3, AROUND), (0.12, BESIDE), (0.05, 0.0)):
+        traffic = traffic_at(box(0.0, 0.0), box(0.0, 2.0 + gap))
+        obstacle = traffic.obstacles(0, all_goals=True)[0]
+        assert obstacle[4:].tolist() == pytest.approx([2.0 + around, 1.0 + around])
+
+
+def test_who_stands_close_beside_another_is_cleared_away_from_it_and_not_into_it() -> None:
+    traffic = traffic_at(box(0.0, 0.0), box(0.0, 2.0 + 0.5 * BESIDE))
+    assert traffic.announce(0, straight(0.0, 0.0, 8.0, 0.0))
+    assert not traffic.is_obstructed(0)
+    assert traffic.clear(0, 0) > 0
+    into = straight(0.0, 0.0, 8.0, 0.0)
+    into[1:, 1] += BESIDE
+    assert traffic.announce(0, into)
+    assert traffic.is_obstructed(0)
+    assert traffic.clear(0, 0) == 0
 
 
 @pytest.mark.parametrize("seed", range(20))
