@@ -12,7 +12,8 @@ from race_agents.unit.peers import OLDEST_S
 from race_agents.unit.records import MOST_TOLD, Report
 from race_server.core.clock import MICROSECONDS
 from race_server.core.link_clock import LinkClock
-from race_server.core.messages import Peer, Pose
+from race_server.core.messages import Pose
+from race_server.core.peer import Peer
 from race_server.core.vehicles import Vehicle
 from race_server.errors import WireError
 from race_server.net.wire.peer import PeerFrame, decode_peer, encode_peer

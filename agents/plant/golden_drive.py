@@ -14,7 +14,8 @@ from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.fence import CourseFence
 from race_agents.unit.golden import Turn
 from race_agents.unit.orders import GivenOrders
-from race_server.core.messages import Control, Peer
+from race_server.core.messages import Control
+from race_server.core.peer import Peer
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 

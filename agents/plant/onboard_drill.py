@@ -1,7 +1,7 @@
 """The drill of a real kart's program: every part of its table, on one course."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,20 +84,18 @@ def measure(
             peers=peers,
         )
         found += shadow_rows(looked)
+    told = {"track": track, "vehicle": vehicle.name, "seeds": seeds, "calculator": calculator()}
+    return {**_judged(found), **told, "rows": [{**row.document(), "bar": row.bar} for row in found]}
+
+
+def _judged(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return whether all rows are as asked, and which are not."""
     failed = [
         f"{row.measured}: {row.figure:.3g} {row.unit}, asked {row.bar}"
-        for row in found
+        for row in rows
         if not row.ok
     ]
-    return {
-        "ok": not failed,
-        "why": "; ".join(failed),
-        "track": track,
-        "vehicle": vehicle.name,
-        "seeds": seeds,
-        "calculator": calculator(),
-        "rows": [{**row.document(), "bar": row.bar} for row in found],
-    }
+    return {"ok": not failed, "why": "; ".join(failed)}
 
 
 def _races_in(folder: Path) -> Iterator[Raced]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from race_agents.onboard.client import VALET, KartProgram, take_part
+from race_agents.onboard.client import VALET, take_part
 from race_agents.onboard.grounds import fence_of
 from race_agents.onboard.kart import Kart, KartApart
+from race_agents.onboard.program import KartProgram
 from race_agents.onboard.safety_side import Mailboxes
 from race_agents.plant.safety_process import PlantSetup
 from race_agents.plant.scene import Scene

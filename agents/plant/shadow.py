@@ -38,7 +38,8 @@ from race_agents.unit.objects import Objects
 from race_agents.unit.peers import Whereabouts, tracks_of
 from race_agents.unit.safety import Echoes
 from race_server.core.alert import Danger, DangerStage
-from race_server.core.messages import Peer, Status
+from race_server.core.messages import Status
+from race_server.core.peer import Peer
 from race_server.core.vehicles import Vehicle
 from race_server.net.wire.spectate import Rows
 

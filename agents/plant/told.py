@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from race_server.core.messages import Peer
+from race_server.core.peer import Peer
 from race_server.core.vehicles import Vehicle
 
 # A kart is at x, y [m] and moves with vx, vy [m/s], by the time to the meeting [s].

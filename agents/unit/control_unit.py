@@ -11,13 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.danger import (
-    NO_DANGER,
-    nearest_of,
-    severity_of,
-    watch_danger,
-    worst_ahead,
-)
+from race_agents.unit.danger import NO_DANGER, nearest_of, severity_of, watch_danger, worst_ahead
 from race_agents.unit.drift import STRAIGHT_ON, Drift
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
@@ -48,7 +42,8 @@ from race_agents.unit.safety import (
 from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Peer, Pose, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
+from race_server.core.peer import Peer
 from race_server.core.telemetry import Health, Sensor, SensorState
 from race_server.core.vehicles import Vehicle
 

@@ -19,7 +19,8 @@ from race_agents.unit.motion import SIZE
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
-from race_server.core.messages import Control, Peer, Source
+from race_server.core.messages import Control, Source
+from race_server.core.peer import Peer
 from race_server.core.vehicles import Vehicle
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from race_agents.unit.fence import Fence
 from race_agents.unit.objects import BORN, Track
 from race_server.core import codes
-from race_server.core.messages import Peer
+from race_server.core.peer import Peer
 
 # What a kart told longer ago than this [s] is ignored, and what it tells from as far in the future.
 OLDEST_S, EARLIEST_S = 0.5, 0.05

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from race_agents.unit.orders import GivenOrders, Orders
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Peer, Pose, RayHit, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.peer import Peer
 from race_server.core.telemetry import Health, SensorState
 
 Floats = NDArray[np.float64]

@@ -18,7 +18,8 @@ from race_agents.unit.records import MOST_TOLD, Report
 from race_agents.unit.safety import Echoes
 from race_server.core import codes
 from race_server.core.alert import DangerStage
-from race_server.core.messages import Control, Peer, Pose
+from race_server.core.messages import Control, Pose
+from race_server.core.peer import Peer
 from race_server.core.vehicle_presets import KART_60
 from race_server.net.wire.peer import PeerFrame, decode_peer, encode_peer
 from support.courses import ring

@@ -21,7 +21,8 @@ from race_agents.unit.mailbox import CRC, HEAD, Freshness, Mailbox, size_of
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.records import Report, Word
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
-from race_server.core.messages import Button, Control, Flag, Peer, Pose, RayHit, Source, Trust
+from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
+from race_server.core.peer import Peer
 from race_server.core.vehicle_presets import KART_60
 from race_server.errors import RecordingError
 

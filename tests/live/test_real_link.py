@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from race_agents.onboard.client import KartProgram, take_part
+from race_agents.onboard.client import take_part
 from race_agents.onboard.grounds import fence_of
 from race_agents.onboard.kart import KartHere
+from race_agents.onboard.program import KartProgram
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.body import Body
 from race_agents.plant.incident import FastestSpeed, is_view_clear

@@ -8,17 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from race_agents.onboard.client import KartProgram, take_part
+from race_agents.onboard.client import take_part
 from race_agents.onboard.grounds import fence_of
 from race_agents.onboard.kart import KartHere
+from race_agents.onboard.program import KartProgram
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Surroundings
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.control_unit import ControlUnit
 from race_server.competition.launch import free_address, free_port
-from race_server.core.messages import Control, Peer
+from race_server.core.messages import Control
 from race_server.core.observation import Observation
+from race_server.core.peer import Peer
 from race_server.errors import LinkError
 from race_server.live.client.seat import ClientSeat
 from race_server.live.server import REAL, RaceServer

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import flatbuffers
 
-from race_server.core.messages import Peer
+from race_server.core.peer import Peer
 from race_server.errors import Reason, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.drive import Peer as PeerStruct

@@ -20,7 +20,6 @@ from race_server.core.messages import (
     EventKind,
     EventPhase,
     Flag,
-    Peer,
     Phase,
     Pose,
     PoseFault,
@@ -31,6 +30,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.peer import Peer
 from race_server.core.telemetry import Health, SensorState, Telemetry
 from race_server.core.vehicle_presets import TT02
 from race_server.errors import GatewayError, RaceError, RecordingError, ResultsError, SeatError
