@@ -16,7 +16,6 @@ from race_server.core.messages import (
     Flag,
     Merit,
     Parking,
-    Peer,
     Phase,
     PlannedWay,
     PoseFault,
@@ -28,6 +27,7 @@ from race_server.core.messages import (
     Trust,
 )
 from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.peer import Peer
 from race_server.core.stint import Stint
 from race_server.core.telemetry import Health, SensorState, Telemetry
 from race_server.core.vehicle_presets import TT02
