@@ -40,7 +40,7 @@ STANDARD_SHARE, EXTENDED_SHARE = 0.95, 0.9
 
 def people(vehicle: Vehicle) -> Iterator[Case]:
     """Yield the meetings with people."""
-    width, length = vehicle.width, vehicle.length
+    width, parked = vehicle.width, parked_beside(vehicle)
     for speed in SPEEDS:
         for share in (0.25, 0.5):
             at = (share - 0.5) * width
@@ -53,9 +53,13 @@ def people(vehicle: Vehicle) -> Iterator[Case]:
             child = partial(crosses, pace=WALKS, side=-1.0, at=at, x=CHILD)
             yield Case("CPNA", speed, near, share=share)
             yield Case("CPFA", speed, far, share=share)
-            y = -(0.5 * width + PARKED_ASIDE + 0.5 * width)
-            parked = ((-0.5 * length - 0.3, y), (-1.5 * length - 0.8, y))
             yield Case("CPNCO", speed, child, CHILD, parked, share=share)
+
+
+def parked_beside(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
+    """Return the middles x, y [m] of two karts that are parked to the right, before the meeting."""
+    y = -(0.5 * vehicle.width + PARKED_ASIDE + 0.5 * vehicle.width)
+    return (-0.5 * vehicle.length - 0.3, y), (-1.5 * vehicle.length - 0.8, y)
 
 
 def karts(vehicle: Vehicle) -> Iterator[Case]:
@@ -152,15 +156,19 @@ def _least_impact(case: Case, vehicle: Vehicle) -> float:
     """
     if case.name != "CPNCO":
         return 0.0
-    seen_s = (PARKED_ASIDE + case.share * vehicle.width) / WALKS
-    room = case.speed * (seen_s - BOUND_DELAY_S)
+    room = case.speed * (_seen_s(case.share, vehicle) - BOUND_DELAY_S)
     return math.sqrt(max(case.speed**2 - 2.0 * BOUND_BRAKING * room, 0.0))
+
+
+def _seen_s(share: float, vehicle: Vehicle) -> float:
+    """Return for how long a child is seen that comes from behind a parked kart [s]."""
+    return (PARKED_ASIDE + share * vehicle.width) / WALKS
 
 
 def _unavoidable(vehicle: Vehicle) -> float:
     """Return which share of the children from behind a parked kart no brake can avoid."""
     hits = [
-        BOUND_DELAY_S + 0.5 * speed / BOUND_BRAKING > (PARKED_ASIDE + share * vehicle.width) / WALKS
+        BOUND_DELAY_S + 0.5 * speed / BOUND_BRAKING > _seen_s(share, vehicle)
         for speed in SPEEDS
         for share in SHARES
     ]

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from race_agents.plant.encounter import DRIVES, FOLLOWS, KMH, PARKED_ASIDE, Case, meet
-from race_agents.plant.matrices import BOUND_BRAKING, SHARES, SPEEDS
+from race_agents.plant.encounter import DRIVES, FOLLOWS, KMH, Case, meet
+from race_agents.plant.matrices import BOUND_BRAKING, SHARES, SPEEDS, parked_beside
 from race_agents.plant.moves import brakes, crosses, goes_ahead, leaves
 from race_agents.plant.radar import ERRS
 from race_agents.plant.row import Row
@@ -27,8 +27,7 @@ CROSS, BEHIND = "kart crosses from behind parked karts", "kart stands behind one
 def meetings(vehicle: Vehicle) -> Iterator[Case]:
     """Yield the meetings, 10 to 60 km/h."""
     width, length = vehicle.width, vehicle.length
-    beside = -(width + PARKED_ASIDE)
-    parked = ((-0.5 * length - 0.3, beside), (-1.5 * length - 0.8, beside))
+    parked = parked_beside(vehicle)
     for speed in SPEEDS:
         for follows in (FOLLOWS, CLOSE):
             slows = partial(

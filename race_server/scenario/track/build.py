@@ -247,8 +247,8 @@ def _line(
 
 def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths: Floats) -> Floats:
     beyond = plan.kerb + plan.grass
-    spacing = float(np.hypot(*(line[1] - line[0])))
     if len(pairs := crossings(segments_of(line))):
+        spacing = float(np.hypot(*(line[1] - line[0])))
         (x, y), (first, second) = line[pairs[0, 0]], pairs[0] * spacing
         raise TrackError(
             f"{plan.name}: the line crosses itself at ({x:.2f}, {y:.2f}), {first:.1f} m and "
