@@ -21,7 +21,7 @@ from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
 from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
 from race_agents.unit.peers import Whereabouts, tracks_of
-from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.readings import MICROSECONDS, Fix, Readings
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     Command,
@@ -47,7 +47,6 @@ from race_server.core.peer import Peer
 from race_server.core.telemetry import Health, Sensor, SensorState
 from race_server.core.vehicles import Vehicle
 
-MICROSECONDS = 1_000_000
 # Without a position fix for longer than this [s] the place is dead reckoning.
 FIX_S = 0.5
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from race_agents.unit.fence import Fence
 from race_agents.unit.objects import BORN, Track
+from race_agents.unit.readings import MICROSECONDS
 from race_server.core import codes
 from race_server.core.peer import Peer
 
@@ -27,7 +28,6 @@ CHANGES, SPEED = 6.0, 0.3
 # A point this far [m] behind the axle, and as far again as beside it, is behind on each way that a
 # kart may drive: the direction in which it slides is turned by less than 45°.
 BEHIND = 3.0
-MICROSECONDS = 1_000_000
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from race_agents.unit.safety import Echoes
 from race_server.core.messages import Source
 
+# In a second. `race_server.core.clock` has the same, but imports `time`, which no unit may.
+MICROSECONDS = 1_000_000
+
 
 @dataclass(frozen=True)
 class Fix:
