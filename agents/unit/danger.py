@@ -275,7 +275,9 @@ def _stage(
             return DangerStage.FULL
         if needed >= EASE_SHARE * limits.promised:
             return DangerStage.EASE
-        return DangerStage.WARN if needed >= WARN_SHARE * limits.promised else DangerStage.INFORM
+        # Who told that it brakes does so for its bend as a rule, for which this driver brakes, too.
+        is_due = track.braking <= 0.0 and needed >= WARN_SHARE * limits.promised
+        return DangerStage.WARN if is_due else DangerStage.INFORM
     if needed >= limits.braking:
         return DangerStage.FULL
     if time_s < EASE_S and needed >= 0.5 * limits.braking:

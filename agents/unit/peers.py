@@ -66,7 +66,10 @@ def _is_heard(peer: Peer, now_s: float, fence: Fence) -> bool:
 
 
 def _ends_of(peer: Peer, far: float, own: Whereabouts, most_unsure: float) -> Sequence[Track]:
-    """Return the tracks of one peer, moved on to now and nearer by the deviation of its place."""
+    """Return the tracks of one peer, moved on to now.
+
+    They are nearer by the deviation of its place, and by half its width as far as it comes across.
+    """
     age_s = max(own.time_s - peer.stamp_us / MICROSECONDS, 0.0)
     unsure = math.hypot(
         *(own.deviation, peer.deviation, own.heading_deviation * far),
@@ -80,6 +83,7 @@ def _ends_of(peer: Peer, far: float, own: Whereabouts, most_unsure: float) -> Se
     x, y, heading = x + ahead, y + left, midway + 0.5 * peer.yaw_rate * age_s
     turned = math.hypot(own.heading_deviation, peer.heading_deviation)
     place, pace = unsure**2, SPEED**2 + (turned * peer.speed) ** 2
+    by = unsure + 0.5 * peer.width * abs(math.sin(heading))
     spread = np.diag([place, place, pace, pace])
     tracks = []
     for along in (-0.5 * peer.length, 0.0, 0.5 * peer.length):
@@ -88,7 +92,7 @@ def _ends_of(peer: Peer, far: float, own: Whereabouts, most_unsure: float) -> Se
         if x + dx < -BEHIND - 1.1 * abs(y + dy):
             continue  # brakes do not help
         distance = math.hypot(x + dx, y + dy)
-        nearer = max(distance - unsure, 0.0) / max(distance, 1e-6)
+        nearer = max(distance - by, 0.0) / max(distance, 1e-6)
         state = np.array([nearer * (x + dx), nearer * (y + dy), vx, vy])
         tracks.append(
             Track(

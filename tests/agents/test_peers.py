@@ -11,7 +11,9 @@ import pytest
 from race_agents.onboard.peers import Peers, peer_of
 from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.unit.control_unit import ControlUnit
+from race_agents.unit.danger import danger_of
 from race_agents.unit.fence import CourseFence
+from race_agents.unit.limits import Limits
 from race_agents.unit.peers import MOST_PEERS, Whereabouts, tracks_of
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.records import MOST_TOLD, Report
@@ -66,8 +68,9 @@ def test_a_kart_that_tells_makes_a_track_of_its_rear_its_middle_and_its_front() 
 def test_a_message_is_moved_on_by_its_age() -> None:
     drives = replace(AHEAD, stamp_us=round(1e6 * (NOW_S - 0.1)), speed=10.0, heading=0.5 * math.pi)
     middle = tracks_of([drives], OWN, OpenPlace(), 0.7)[1]
-    # A metre north in a tenth of a second, and nearer by what it may have changed meanwhile.
-    assert middle.state[:2] == pytest.approx((20.0, 1.0), abs=0.05)
+    # A metre north in a tenth of a second, and nearer by what it may have changed meanwhile, and by
+    # half its width, 0.6 m, since it comes across.
+    assert middle.state[:2] == pytest.approx((19.4, 0.97), abs=0.05)
     assert middle.velocity == pytest.approx((0.0, 10.0), abs=1e-6)
 
 
@@ -127,6 +130,15 @@ def test_a_kart_ahead_is_braked_for_at_once_when_it_tells_that_it_brakes() -> No
     assert unit.decide(now_s).brake > 0.0
 
 
+def test_a_kart_that_brakes_for_a_bend_gives_its_follower_no_warning_yet() -> None:
+    limits = Limits.of(KART_60)
+    bend = at(NOW_S, x=16.0, speed=14.0, braking=5.0)
+    rear = tracks_of([bend], OWN, OpenPlace(), 0.7)[0]
+    danger = danger_of(rear, 14.0, 0.0, limits)
+    assert 0.5 < danger.needed / limits.promised < 0.75  # for which a slower kart would warn
+    assert danger.stage is DangerStage.INFORM
+
+
 def test_the_kart_tells_what_it_asks_of_its_brakes() -> None:
     unit, now_s = driving(10.0)
     assert unit.braking == 0.0
@@ -167,6 +179,7 @@ def any_scans(chance: random.Random, speed: float) -> list[Echoes]:
     return [Echoes(x + 0.05 * closing * back, y, closing, met) for back in (2, 1, 0)]
 
 
+@pytest.mark.slow
 def test_with_peers_the_verdict_is_at_least_as_strict_as_without() -> None:
     chance, seen = random.Random(65), Counter[str]()
     for _ in range(400):
