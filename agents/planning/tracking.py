@@ -164,8 +164,11 @@ def press_for(cockpit: Cockpit, acceleration: float) -> float:
         turning = max(planned, abs(speed * observation[offsets[YAW_RATE]]) / grip)
         wanted = min(wanted, rear_limit(vehicle, vehicle.front_drive, turning) * grip)
         wanted = max(wanted, -rear_limit(vehicle, vehicle.front_brake, planned) * grip)
-        # Off the line, too, the bend comes first: what brakes harder runs wide.
+        # Off the line, too, the bend comes first: what brakes harder runs wide, and a motor that
+        # pulls on a rear axle which slides keeps it sliding.
         wanted = max(wanted, -math.sqrt(max(1.0 - planned * planned, LEAST_BRAKES)) * grip)
+        holding = rear_effort(cockpit, speed)
+        wanted = min(wanted, math.sqrt(max(1.0 - holding * holding, 0.0)) * grip)
     most = min(vehicle.motor_force, vehicle.motor_power / speed) * max(
         observation[offsets[THRUST_SCALE]], 0.05
     )
@@ -173,6 +176,19 @@ def press_for(cockpit: Cockpit, acceleration: float) -> float:
     control[1] = max(force / most, 0.0)
     control[2] = max(-force / vehicle.brake_force, 0.0)
     return force
+
+
+@kernel
+def rear_effort(cockpit: Cockpit, speed: float) -> float:
+    """Return the share of their grip that the rear tyres use across, by how they slip; 1: they slide.
+
+    A brush tyre that slips by the share s of where it slides has 1 - (1 - s)³ of its grip in use.
+    """
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    across = observation[offsets[LATERAL_SPEED]] - vehicle.rear_axle * observation[offsets[YAW_RATE]]
+    slide = 3.0 * grip_of(cockpit) / GRAVITY / vehicle.cornering
+    held = max(1.0 - abs(math.atan2(across, speed)) / slide, 0.0)
+    return 1.0 - held * held * held
 
 
 @kernel

@@ -15,7 +15,7 @@ from race_agents.planning.latency import (
     steering_play,
     take_up_play,
 )
-from race_agents.planning.tracking import speed_on_line
+from race_agents.planning.tracking import rear_effort, speed_on_line
 from race_agents.planning.tyre_slip import tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
@@ -168,6 +168,25 @@ def test_without_a_line_nobody_drives_by_one() -> None:
     rules = Rules(laps=1, items=False, countdown_s=0.5, limit_s=3.0)
     session, _ = run_race(Scenario(SMALL_RING, karts=1, rules=rules), ["raceline"])
     assert session.world.racers[0, 0].distance < 1.0
+
+
+def test_a_rear_axle_that_slips_half_as_far_as_it_slides_has_seven_eighths_of_its_grip_in_use() -> None:
+    cockpit = preview(held=4.0)
+    slide = 3.0 * TT02.grip / TT02.cornering
+    for share, used in ((0.0, 0.0), (0.5, 0.875), (1.0, 1.0), (-2.0, 1.0)):
+        across = 4.0 * math.tan(share * slide)
+        cockpit.observation[layout_of("line", 0).slices["lateral_speed"]] = across
+        assert rear_effort(cockpit, 4.0) == pytest.approx(used, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["generated:block:3000055", "generated:circuit:3000087"])
+def test_a_kart_whose_rear_slides_lifts_and_touches_nothing(name: str) -> None:
+    # Both lines go from full grip on one side to full grip on the other.
+    scenario = Scenario(load_course(name), karts=1, rules=Rules(laps=2, items=False))
+    session, _ = run_race(with_line(scenario, solve=True), ["raceline"])
+    racer = session.world.racers[0, 0]
+    assert (int(racer.laps), int(racer.wall_contacts)) == (2, 0)
 
 
 def test_far_behind_another_kart_only_the_own_speed_counts() -> None:
