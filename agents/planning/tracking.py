@@ -180,12 +180,14 @@ def press_for(cockpit: Cockpit, acceleration: float) -> float:
 
 @kernel
 def rear_effort(cockpit: Cockpit, speed: float) -> float:
-    """Return the share of their grip that the rear tyres use across, by how they slip; 1: they slide.
+    """Return the share of their grip that the rear tyres use across; 1: they slide.
 
     A brush tyre that slips by the share s of where it slides has 1 - (1 - s)³ of its grip in use.
     """
     observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    across = observation[offsets[LATERAL_SPEED]] - vehicle.rear_axle * observation[offsets[YAW_RATE]]
+    across = (
+        observation[offsets[LATERAL_SPEED]] - vehicle.rear_axle * observation[offsets[YAW_RATE]]
+    )
     slide = 3.0 * grip_of(cockpit) / GRAVITY / vehicle.cornering
     held = max(1.0 - abs(math.atan2(across, speed)) / slide, 0.0)
     return 1.0 - held * held * held

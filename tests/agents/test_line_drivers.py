@@ -170,7 +170,7 @@ def test_without_a_line_nobody_drives_by_one() -> None:
     assert session.world.racers[0, 0].distance < 1.0
 
 
-def test_a_rear_axle_that_slips_half_as_far_as_it_slides_has_seven_eighths_of_its_grip_in_use() -> None:
+def test_a_rear_axle_that_slips_half_as_far_as_it_slides_uses_seven_eighths_of_its_grip() -> None:
     cockpit = preview(held=4.0)
     slide = 3.0 * TT02.grip / TT02.cornering
     for share, used in ((0.0, 0.0), (0.5, 0.875), (1.0, 1.0), (-2.0, 1.0)):
