@@ -106,9 +106,11 @@ def test_a_discriminator_tells_an_expert_from_others(laps: Path) -> None:
 @pytest.mark.slow
 def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path) -> None:
     judged = (f"gail.demonstrations={laps}", "gail.learning_rate=1e-3", "steps=50000")
-    after, _ = learned(settings(*judged))
-    before, _ = learned(settings("steps=1"))
-    assert after.speed > 2.0 * max(before.speed, 0.1)
+
+    def speed(*changes: str) -> float:
+        return sum(learned(settings(*changes, f"seed={seed}"))[0].speed for seed in (1, 2, 3)) / 3.0
+
+    assert speed(*judged) > 2.0 * max(speed("steps=1"), 0.1)
 
 
 # Both
