@@ -7,11 +7,10 @@ than its middle says; and what it does wrong grows with its speed.
 
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.traffic import LEFT, RIGHT, STEP
-from race_agents.planning.tyre_slip import grip_of, slip_share, tyre_slip
+from race_agents.planning.tyre_slip import grip_of, slide_of, slip_share, tyre_slip
 from race_server.core.kernel_driver import Cockpit
 from race_server.core.kernels.jit import large_kernel
 from race_server.core.observation import AHEAD, PART_NUMBERS
-from race_server.core.vehicles import GRAVITY
 
 CURVATURE = PART_NUMBERS["line_curvature_ahead"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
@@ -60,7 +59,7 @@ def lacking(cockpit: Cockpit, lane: float, index: int) -> float:
     speed, bend = observation[offsets[LINE_SPEED] + index], observation[offsets[CURVATURE] + index]
     grip = grip_of(cockpit)
     used = min(speed * speed * abs(bend) / grip, 1.0)
-    slide = 3.0 * grip / GRAVITY / vehicle.cornering
+    slide = slide_of(vehicle, grip)
     slip = slip_share(cockpit.memory) * tyre_slip(used, slide)
     inward = slip - vehicle.rear_axle * abs(bend)  # where the nose points, beside the way
     nose, tail = 0.5 * vehicle.length + vehicle.box_offset, 0.5 * vehicle.length

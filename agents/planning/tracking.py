@@ -15,6 +15,8 @@ from race_agents.planning.tyre_slip import (
     LATERAL_SPEED,
     YAW_RATE,
     grip_of,
+    rear_effort,
+    slide_of,
     slip_share,
     slips_in,
 )
@@ -179,21 +181,6 @@ def press_for(cockpit: Cockpit, acceleration: float) -> float:
 
 
 @kernel
-def rear_effort(cockpit: Cockpit, speed: float) -> float:
-    """Return the share of their grip that the rear tyres use across; 1: they slide.
-
-    A brush tyre that slips by the share s of where it slides has 1 - (1 - s)³ of its grip in use.
-    """
-    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    across = (
-        observation[offsets[LATERAL_SPEED]] - vehicle.rear_axle * observation[offsets[YAW_RATE]]
-    )
-    slide = 3.0 * grip_of(cockpit) / GRAVITY / vehicle.cornering
-    held = max(1.0 - abs(math.atan2(across, speed)) / slide, 0.0)
-    return 1.0 - held * held * held
-
-
-@kernel
 def rear_limit(vehicle: Record, front_force: float, turning: float) -> float:
     """Return the most acceleration along, as a share of the grip, that leaves the rear its hold.
 
@@ -230,7 +217,7 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     speed = max(observation[offsets[SPEED]], SLOWEST)
     front_axle, rear_axle = vehicle.front_axle, vehicle.rear_axle
     wheelbase = front_axle + rear_axle
-    slide = 3.0 * grip_of(cockpit) / GRAVITY / vehicle.cornering
+    slide = slide_of(vehicle, grip_of(cockpit))
     step = max(observation[offsets[STEP]], 0.01)
     # A body on wheels that never slip turns with them: there is no lag, and nothing to damp.
     slipping = slip_share(cockpit.memory)

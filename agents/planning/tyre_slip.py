@@ -34,12 +34,25 @@ def grip_of(cockpit: Cockpit) -> float:
 
 
 @kernel
+def slide_of(vehicle: Record, grip: float) -> float:
+    """Return the slip at which the whole contact patch of a tyre slides. grip: [m/s²]."""
+    return 3.0 * grip / GRAVITY / vehicle.cornering
+
+
+@kernel
 def tyre_slip(used: float, slide: float) -> float:
     """Return the slip of a brush tyre at a share of its most lateral force.
 
     slide: the slip at which the whole contact patch slides.
     """
     return slide * (1.0 - (1.0 - min(used, 0.97)) ** (1.0 / 3.0))
+
+
+@kernel
+def tyre_effort(slip: float, slide: float) -> float:
+    """Return the share of its lateral force that a brush tyre gives at a slip; 1: it slides."""
+    held = max(1.0 - abs(slip) / slide, 0.0)
+    return 1.0 - held * held * held
 
 
 @kernel
@@ -62,12 +75,26 @@ def model_slips(
     front_share = vehicle.front_drive if force > 0.0 else vehicle.front_brake
     front_left = axle_left(along * front_share * wheelbase / vehicle.rear_axle)
     rear_left = axle_left(along * (1.0 - front_share) * wheelbase / vehicle.front_axle)
-    slide = 3.0 * grip / GRAVITY / vehicle.cornering
+    slide = slide_of(vehicle, grip)
     used = speed * speed * abs(bend) / grip
     blend = (speed - vehicle.kinematic_below) / (vehicle.dynamic_above - vehicle.kinematic_below)
     side = min(max(blend, 0.0), 1.0) * (1.0 if bend >= 0.0 else -1.0)
     front = side * tyre_slip(used / front_left, slide * front_left)
     return front, side * tyre_slip(used / rear_left, slide * rear_left)
+
+
+@kernel
+def rear_slip(cockpit: Cockpit, speed: float) -> float:
+    """Return the slip [rad] of the rear axle as it is observed now, positive in a left bend."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    turning, across = observation[offsets[YAW_RATE]], observation[offsets[LATERAL_SPEED]]
+    return math.atan2(cockpit.vehicle.rear_axle * turning - across, speed)
+
+
+@kernel
+def rear_effort(cockpit: Cockpit, speed: float) -> float:
+    """Return the share of their grip that the rear tyres use across, by the slip that is seen."""
+    return tyre_effort(rear_slip(cockpit, speed), slide_of(cockpit.vehicle, grip_of(cockpit)))
 
 
 @kernel
@@ -83,7 +110,7 @@ def watch_slip(cockpit: Cockpit) -> None:
     seen_front = observation[offsets[STEERING]] - math.atan2(
         across + vehicle.front_axle * turning, speed
     )
-    seen_rear = math.atan2(vehicle.rear_axle * turning - across, speed)
+    seen_rear = rear_slip(cockpit, speed)
     memory[SLIP_SEEN] = FADING * memory[SLIP_SEEN] + front * seen_front + rear * seen_rear
     memory[SLIP_MODEL] = FADING * memory[SLIP_MODEL] + front * front + rear * rear
 

@@ -15,8 +15,8 @@ from race_agents.planning.latency import (
     steering_play,
     take_up_play,
 )
-from race_agents.planning.tracking import rear_effort, speed_on_line
-from race_agents.planning.tyre_slip import tyre_slip
+from race_agents.planning.tracking import speed_on_line
+from race_agents.planning.tyre_slip import rear_effort, tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import GAPS, Gap
