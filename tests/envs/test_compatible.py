@@ -138,6 +138,31 @@ def test_what_is_not_a_configuration_is_named(config: dict[str, Any], message: s
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [([0.5], "actions of shape (1,): give (2,)"), ([0.5, math.nan], "give finite numbers")],
+)
+def test_what_is_no_action_is_named(action: list[float], message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        park(0.0, 0.0, 0.0).step(action)
+    assert message in str(caught.value)
+
+
+def test_what_a_vector_returned_stays_as_it_was_while_it_goes_on() -> None:
+    many = gymnasium.make_vec("Kart/ParkCompatible-v0", num_envs=2)
+    many.reset(seed=5)
+    body = many.unwrapped.cars.batch.world.bodies[0, 0]  # type: ignore[attr-defined]
+    body.x, body.y, body.heading, body.speed = 30.0, 0.0, 0.0, 20.0
+    _, rewards, over, _, infos = many.step(np.zeros((2, 2)))
+    # The first car has crashed, and its next episode has begun; the second one goes on.
+    assert (over.tolist(), infos["final_info"]["crashed"].tolist()) == ([True, False],) * 2
+    assert rewards[0] < -5.0 < rewards[1]
+    assert not infos["crashed"].any()
+    kept = rewards.copy()
+    many.step(np.ones((2, 2)))
+    assert rewards.tolist() == kept.tolist()
+
+
 def test_a_vector_of_cars_does_what_each_does_alone() -> None:
     name, actions = "Kart/ParkCompatible-v0", [[1.0, 0.3], [-1.0, 0.5], [0.5, -1.0]]
     many = gymnasium.make_vec(name, num_envs=3)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.envs.batch import Batch
 from race_server.envs.compatible.config import Config
+from race_server.errors import ScenarioError
 
 Array = NDArray[Any]
 Infos = dict[str, Any]  # arrays (W, ...), and dictionaries of such
@@ -25,7 +26,7 @@ class Moved(NamedTuple):
 
 
 class Cars(Protocol):
-    """One environment of highway-env, W times."""
+    """One environment of highway-env, W times; what it returns may be overwritten by its calls."""
 
     defaults: ClassVar[Mapping[str, Any]]  # of the configuration
     config: Config
@@ -60,14 +61,29 @@ def begin_round(batch: Batch, w: int, seed: int | None) -> None:
     batch.reset(worlds=[w])
 
 
-def time_is_up(steps: Array, config: Config) -> Array:
-    """Return where an episode has lasted as long as configured. steps: (W,) decisions."""
+def decisions_of(config: Config) -> float:
+    """Return how many decisions an episode lasts."""
     ticks = TICKS_PER_SECOND // config["policy_frequency"]
-    return steps * ticks >= config["duration"] * TICKS_PER_SECOND
+    return float(config["duration"] * TICKS_PER_SECOND / ticks)
+
+
+def numbers_of(actions: Any, shape: tuple[int, ...] | None) -> Array:
+    """Return actions as numbers of a shape.
+
+    Raises:
+        ScenarioError: they have another one.
+    """
+    given = np.asarray(actions, np.float64)
+    if given.shape != shape:
+        raise ScenarioError(f"actions of shape {given.shape}: give {shape}")
+    return given
 
 
 def each(values: Any, change: Callable[[Array], Any]) -> Any:
     """Return observations or infos with each array changed, however deep it lies."""
     if isinstance(values, dict):
-        return {name: each(value, change) for name, value in values.items()}
+        return {
+            name: each(value, change) if isinstance(value, dict) else change(value)
+            for name, value in values.items()
+        }
     return change(values)

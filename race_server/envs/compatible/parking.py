@@ -4,7 +4,7 @@ Its car, slots and walls, five decisions a second for at most 100 s, its goals, 
 rule of success.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -12,13 +12,14 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import Space, spaces
 
-from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.kernels.jit import bind
 from race_server.core.level import Level
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
-from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, time_is_up
+from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, decisions_of
 from race_server.envs.compatible.config import config_of
+from race_server.envs.compatible.outcomes import PARTS, SCALES, Outcomes, Prices, judge
 from race_server.envs.compatible.single import CompatibleEnv
 from race_server.envs.compatible.vector import CompatibleVector
 from race_server.envs.presets import parking_task
@@ -27,16 +28,11 @@ from race_server.scenario.track.course import Course
 from race_server.scenario.track.polyline import segments_of
 
 NAME = "parking-v0"
-# A goal is x, y [m], speeds [m/s], cosine and sine of the heading, each divided by its scale.
-FEATURES, SCALES = ["x", "y", "vx", "vy", "cos_h", "sin_h"], [100.0, 100.0, 5.0, 5.0, 1.0, 1.0]
+FEATURES = ["x", "y", "vx", "vy", "cos_h", "sin_h"]  # of a goal
 FIXED = ("observation", "action", "controlled_vehicles", "vehicles_count", "steering_range")
 OPEN = 150.0  # [m] from the middle to where the ground ends, without walls; it stops a car there
 # Ends are theirs alone: nothing is parked by our rules.
 NEVER = Level(within=1e-9, hold_s=1e4)
-PARTS = (
-    *("position_x", "position_y", "heading_cos", "heading_sin", "speed"),
-    *("slot_x", "slot_y", "slot_heading"),
-)
 
 
 class ParkCars:
@@ -72,14 +68,18 @@ class ParkCars:
         """
         self.config = config_of(NAME, self.defaults, changes, FIXED)
         self._weights = np.asarray(self.config["reward_weights"], np.float64)
-        self._scales = np.array(SCALES)
         self.batch = Batch(self._task(), worlds=worlds, after=STAY)
-        slices = self.batch.layout.slices
-        self._places = np.array([slices[name].start for name in PARTS])
         self._steps = np.zeros(worlds, np.int64)
-        self._controls = np.zeros((worlds, 4))
-        self._near = np.zeros(worlds)  # rewards without crashes
-        self._goals: dict[str, Array] | None = None  # as last seen, until something moves
+        told = Outcomes.of(worlds)
+        self._judge = self._bound_judge(told)
+        # Their arrays are written by each call of it.
+        infos = {"speed": told.speeds, "crashed": told.crashed, "is_success": told.arrived}
+        self._moved = Moved(told.rewards, told.over, told.cut, infos)
+        self._goals = {
+            "observation": told.achieved,
+            "achieved_goal": told.achieved,
+            "desired_goal": told.desired,
+        }
         box = spaces.Box(-np.inf, np.inf, (len(SCALES),), np.float64)
         self.observation_space: Space[Any] = spaces.Dict(
             {"observation": box, "achieved_goal": box, "desired_goal": box}
@@ -102,48 +102,41 @@ class ParkCars:
             scenario = replace(scenario, course=_open(scenario.course), rules=rules)
         return replace(task, scenarios=(scenario,))
 
+    def _bound_judge(self, outcomes: Outcomes) -> Callable[[], None]:
+        """Return a call that writes what the cars have come to."""
+        slices, config = self.batch.layout.slices, self.config
+        places = np.array([slices[name].start for name in PARTS])
+        prices = Prices(
+            self._weights,
+            float(config["collision_reward"]),
+            float(config["success_goal_reward"]),
+            decisions_of(config),
+        )
+        bodies, seen = self.batch.world.bodies, self.batch.observations
+        return bind(judge, bodies, seen, places, self._steps, prices, outcomes)
+
     def begin(self, w: int, seed: int | None, chance: np.random.Generator) -> None:
         """Put one car into the middle, and draw its slot. chance: not used."""
         begin_round(self.batch, w, seed)
         self._steps[w] = 0
-        self._goals = None
+        self._judge()
 
     def observe(self) -> dict[str, Array]:
         """Return where the cars are, and where they are wanted: each (W, 6)."""
-        if self._goals is None:
-            self._goals = self._look()
         return self._goals
-
-    def _look(self) -> dict[str, Array]:
-        seen = self.batch.observations[:, 0, self._places].astype(np.float64)
-        x, y, cos, sin, speed, slot_x, slot_y, slot_heading = seen.T
-        achieved, desired = np.empty((2, len(seen), len(SCALES)))
-        achieved.T[:] = x, y, speed * cos, speed * sin, cos, sin
-        desired.T[:] = slot_x, slot_y, 0.0 * x, 0.0 * x, np.cos(slot_heading), np.sin(slot_heading)
-        achieved /= self._scales
-        desired /= self._scales
-        return {"observation": achieved, "achieved_goal": achieved, "desired_goal": desired}
 
     def move(self, actions: Array) -> Moved:
         """Move on. actions: (W, 2) acceleration and steering, shares of 5 m/s² and 45°."""
-        np.clip(actions[:, ::-1], -1.0, 1.0, out=self._controls[:, :2])
-        self.batch.step(self._controls)
-        self._goals = None
+        controls = self.batch.buffers.actions
+        controls[:, 0, :2] = actions[:, ::-1]
+        self.batch.step()
         self._steps += 1
-        infos = self.infos(actions)
-        rewards = self._near + self.config["collision_reward"] * infos["crashed"]
-        over = infos["crashed"] | infos["is_success"]
-        return Moved(rewards, over, time_is_up(self._steps, self.config), infos)
+        self._judge()
+        return self._moved
 
     def infos(self, actions: Array) -> Infos:
         """Return speeds [m/s], crashes and successes."""
-        goals, bodies = self.observe(), self.batch.world.bodies
-        self._near = self.reward(goals["achieved_goal"], goals["desired_goal"])
-        return {
-            "speed": bodies["speed"][:, 0].copy(),
-            "crashed": bodies["status"][:, 0] == codes.RETIRED,
-            "is_success": self._near > -self.config["success_goal_reward"],
-        }
+        return self._moved.infos
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """Return the reward for goals (n, 6) or (6,)."""

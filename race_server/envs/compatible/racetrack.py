@@ -19,7 +19,7 @@ from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.vehicle_presets import HIGHWAY_CAR
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
-from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, time_is_up
+from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, decisions_of
 from race_server.envs.compatible.config import config_of
 from race_server.envs.compatible.single import CompatibleEnv
 from race_server.envs.compatible.vector import CompatibleVector
@@ -180,7 +180,7 @@ class RacetrackCars:
         over = infos["crashed"].copy()
         if config["terminate_off_road"]:
             over |= ~terms["on_road_reward"]
-        return Moved(rewards, over, time_is_up(self._steps, config), infos)
+        return Moved(rewards, over, self._steps >= decisions_of(config), infos)
 
     def infos(self, actions: Array) -> Infos:
         """Return speeds [m/s], crashes, and what the reward is made of."""

@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium
-import numpy as np
 
 from race_server.envs.camera import Camera
-from race_server.envs.compatible.cars import Array, Cars, each
+from race_server.envs.compatible.cars import Array, Cars, each, numbers_of
 from race_server.envs.compatible.config import Config, config_of
 from race_server.envs.single import OneKart
 
@@ -62,16 +61,20 @@ class CompatibleEnv(gymnasium.Env[Any, Array]):
         return self._seen(), self._told(self.cars.infos(action[None]), action)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Move on by one decision. action: (A,), each -1 to 1."""
-        moved = self.cars.move(np.asarray(action, np.float64)[None])
-        over, cut = bool(moved.over[0]), bool(moved.cut[0])
-        return self._seen(), float(moved.rewards[0]), over, cut, self._told(moved.infos, action)
+        """Move on by one decision. action: (A,), each -1 to 1.
+
+        Raises:
+            ScenarioError: the action has another shape, or is no number.
+        """
+        moved = self.cars.move(numbers_of(action, self.action_space.shape)[None])
+        reward, over, cut = moved.rewards.item(0), moved.over.item(0), moved.cut.item(0)
+        return self._seen(), reward, over, cut, self._told(moved.infos, action)
 
     def _seen(self) -> Any:
         return each(self.cars.observe(), lambda values: values[0].copy())
 
     def _told(self, infos: dict[str, Any], action: Any) -> dict[str, Any]:
-        return {**each(infos, lambda values: values[0].tolist()), "action": action}
+        return {**each(infos, lambda values: values.tolist()[0]), "action": action}
 
     def render(self) -> Any:
         """Return the world as a picture (`rgb_array`), or show it in a window (`human`)."""

@@ -7,7 +7,7 @@ from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from race_server.envs.compatible.cars import Array, Cars, each
+from race_server.envs.compatible.cars import Array, Cars, Moved, each, numbers_of
 
 
 class CompatibleVector(VectorEnv[Any, Array, Array]):
@@ -44,22 +44,29 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
                 self._chances[w] = np_random(one)[0]
             self.cars.begin(w, one, self._chances[w])
         actions = self.action_space.sample()
-        return self._seen(), _marked(self.cars.infos(actions) | {"action": actions})
+        return self._seen(), _marked(self._told(actions))
 
     def step(self, actions: Array) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
-        """Move all on by one decision. actions: (W, A), each -1 to 1."""
-        moved = self.cars.move(np.asarray(actions, np.float64))
-        infos = moved.infos | {"action": actions}
-        ended = moved.over | moved.cut
+        """Move all on by one decision. actions: (W, A), each -1 to 1.
+
+        Raises:
+            ScenarioError: the actions have another shape, or are no numbers.
+        """
+        moved = self.cars.move(numbers_of(actions, self.action_space.shape))
+        rewards, over, cut, told = Moved(*(each(part, np.copy) for part in moved))
+        infos, ended = told | {"action": actions}, over | cut
         if ended.any():
             last = {"final_obs": self._seen(), "final_info": _marked(infos, ended)}
             for w in np.flatnonzero(ended):
                 self.cars.begin(int(w), None, self._chances[w])
-            infos = self.cars.infos(actions) | {"action": actions, **last}
-        return self._seen(), moved.rewards, moved.over, moved.cut, _marked(infos, ended)
+            infos = self._told(actions) | last
+        return self._seen(), rewards, over, cut, _marked(infos, ended)
 
     def _seen(self) -> Any:
         return each(self.cars.observe(), np.copy)
+
+    def _told(self, actions: Array) -> dict[str, Any]:
+        return each(self.cars.infos(actions), np.copy) | {"action": actions}
 
     def close_extras(self, **_: Any) -> None:
         """End the batch."""
