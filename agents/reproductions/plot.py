@@ -36,9 +36,7 @@ def draw(path: Path, plan: Reproduction, lines: Sequence[VariantSummary], words:
 
 def _curves(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> None:
     for number, line in enumerate(lines):
-        if line.curve:
-            at, values = zip(*line.curve, strict=True)
-            plot.plot(at, values, label=line.row.name, **_style(number))
+        _band(plot, line.curve, number, line.row.name)
     _frame(plot, plan.exam.curve_head)
     if plot.get_legend_handles_labels()[0]:
         plot.legend(frameon=False, fontsize=7)
@@ -47,16 +45,21 @@ def _curves(plot: Any, plan: Reproduction, lines: Sequence[VariantSummary]) -> N
 def _bands(plot: Any, name: str, lines: Sequence[VariantSummary]) -> None:
     """Plot a further curve of all rows: the mean of the runs, and their range."""
     for number, line in enumerate(lines):
-        if line.bands.get(name):
-            style = _style(number)
-            at, mean, least, greatest = zip(*line.bands[name], strict=True)
-            plot.plot(at, mean, **style)
-            plot.fill_between(at, least, greatest, color=style["color"], alpha=0.2, linewidth=0)
+        _band(plot, line.bands.get(name, ()), number)
     _frame(plot, name.removesuffix(OVER_TIME))
     if name.endswith(OVER_TIME):
         plot.set_xscale("log")
         plot.xaxis.set_major_formatter("{x:g}")  # powers of ten would be formulas
         plot.set_xlabel("processor time of learning, s")
+
+
+def _band(plot: Any, band: Sequence[Sequence[float]], number: int, name: str = "") -> None:
+    """Plot a curve of one row: the mean of the runs, and their range."""
+    if band:
+        style = _style(number)
+        at, mean, least, greatest = zip(*band, strict=True)
+        plot.plot(at, mean, label=name or None, **style)
+        plot.fill_between(at, least, greatest, color=style["color"], alpha=0.2, linewidth=0)
 
 
 def _frame(plot: Any, head: str) -> None:

@@ -226,6 +226,6 @@ def _row(plan: Reproduction, line: VariantSummary) -> dict[str, Any]:
         "deviation": line.spreads,
         "percent": {f"{column.key} of {column.of}": line.number(column) for column in shares},
         "bounds": {f"{column.key} of {column.of}": line.bounds(column) for column in shares},
-        "curve": line.curve,
+        "curve": [(at, mean) for at, mean, *_ in line.curve],
         "bands": line.bands,
     }

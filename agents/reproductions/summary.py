@@ -19,8 +19,8 @@ class VariantSummary:
     steps: int  # decisions of each run
     means: dict[str, float | None]  # None: no run has such a figure
     spreads: dict[str, float]  # standard deviation over the runs, 0 of a single one
-    # Decisions, and the return or the share that parked: the mean of the runs.
-    curve: tuple[tuple[float, float], ...]
+    # Decisions, and the return or the share that parked: mean, least and greatest of the runs.
+    curve: tuple[tuple[float, ...], ...]
     figures: tuple[dict[str, float | None], ...]  # of each run
     # Further curves, by what they show: decisions, mean, least and greatest of the runs.
     bands: dict[str, tuple[tuple[float, ...], ...]]
@@ -77,7 +77,7 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
         means[key] = float(np.mean(found)) if found else None
         spreads[key] = float(np.std(found)) if found else 0.0
     steps = max(run["steps"] for run in runs)
-    curve = tuple((at, mean) for at, mean, *_ in _band([run["curve"] for run in runs]))
+    curve = _band([run["curve"] for run in runs])
     figures = tuple(run["figures"] for run in runs)
     further = [run.get("curves", {}) for run in runs]
     known = [name for name in further[0] if all(name in of for of in further)]

@@ -5,8 +5,11 @@ rounding: SB3's class (`ppo-sb3`) is the reference that a test compares it with.
 not made of dense layers with a Gaussian answer, SB3's own code does the work.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,18 +26,21 @@ from race_agents.training.gaussian_mlp import (
     Lesson,
     Rows,
     Told,
-    Weights,
     layers_of,
 )
 
-LEAST_ROWS = 512  # of a part: below it waiting for the other thread costs more than it saves
+LEAST_ROWS = 512  # of a part: below it waiting for other threads costs more than it saves
 
 
 class FastPpo(PPO):
     """PPO whose gradients are written out, on several threads."""
 
     def __init__(self, *arguments: Any, threads: int = 1, **options: Any) -> None:
-        """Take SB3's options. threads: that learn from one minibatch together."""
+        """Take SB3's options.
+
+        threads: that learn from one minibatch together: two teach actor and critic, four do so for
+        each half of it, and so on.
+        """
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._parts: list[GaussianMlp] = []
@@ -55,9 +61,12 @@ class FastPpo(PPO):
         if first is None or first.data_ptr() != actor[0].weight.data_ptr():
             # New parameters, or those of a checkpoint in other memory.
             rows = max(self.batch_size, self.n_envs)
-            self._parts = [GaussianMlp(actor, critic, rows) for _ in range(self.threads)]
+            self._parts = [GaussianMlp(actor, critic, rows) for _ in range(max(self.threads // 2, 1))]
+            if type(self.policy.optimizer) is torch.optim.Adam:
+                # One call for all parameters, with the same steps.
+                self.policy.optimizer.param_groups[0]["fused"] = True
         if self.threads > 1 and self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads)
+            self._pool = ThreadPoolExecutor(self.threads - 1)  # beside the one that asks
         return self._parts
 
     def collect_rollouts(
@@ -91,7 +100,7 @@ class FastPpo(PPO):
             self._last_episode_starts = dones
             self._last_obs = seen = after  # type: ignore[assignment]  # one box, hence one array
         known = self._known(env, seen)
-        last = networks[0].critic.answer(torch.from_numpy(known)).copy()
+        last = networks[0].value(torch.from_numpy(known))
         rollout_buffer.compute_returns_and_advantage(torch.from_numpy(last), dones)
         callback.update_locals(locals())
         callback.on_rollout_end()
@@ -109,13 +118,24 @@ class FastPpo(PPO):
         """Return actions (n, A), values (n,) and the logarithms of the actions' chances (n,)."""
         rows = torch.from_numpy(known)
         log_spread = self.policy.log_std.data.numpy()
-        means = network.act(rows)
-        shape = means.shape
-        noise = torch.normal(torch.zeros(shape), torch.ones(shape)).numpy()
-        actions = means + noise * np.exp(log_spread)
-        squares = np.square(noise).sum(axis=1)
-        log_chances = -0.5 * squares - np.float32((log_spread + HALF_LOG_TAU).sum())
-        return actions, network.critic.answer(rows)[:, 0].copy(), log_chances
+
+        def draw() -> tuple[Rows, Rows]:
+            means = network.act(rows)
+            noise = torch.normal(torch.zeros(means.shape), torch.ones(means.shape)).numpy()
+            squares = np.square(noise).sum(axis=1)
+            log_chances = -0.5 * squares - np.float32((log_spread + HALF_LOG_TAU).sum())
+            return means + noise * np.exp(log_spread), log_chances
+
+        (actions, log_chances), values = self._together([draw, partial(network.value, rows)])
+        return actions, values, log_chances
+
+    def _together(self, jobs: Sequence[Callable[[], Any]]) -> list[Any]:
+        """Return what jobs return, the first of which is done here, the others by the pool."""
+        if self._pool is None:
+            return [job() for job in jobs]
+        first, *others = jobs
+        waiting = [self._pool.submit(job) for job in others]
+        return [first(), *(each.result() for each in waiting)]
 
     def _value_what_was_cut(
         self,
@@ -130,8 +150,7 @@ class FastPpo(PPO):
             last = np.stack([info["terminal_observation"] for _, info in cut])
             numbers = [n for n, _ in cut]
             rows = self._known_at_last(known, numbers, last.astype(np.float32))
-            worth = network.critic.answer(torch.from_numpy(rows))[:, 0]
-            rewards[numbers] += self.gamma * worth
+            rewards[numbers] += self.gamma * network.value(torch.from_numpy(rows))
 
     def train(self) -> None:
         """Take the gradient steps of one rollout."""
@@ -143,11 +162,10 @@ class FastPpo(PPO):
         self._update_learning_rate(self.policy.optimizer)
         limit: Any = self.clip_range
         clip = float(limit(self._current_progress_remaining))
-        weights = Weights(clip, self.vf_coef)
         told: list[Told] = []
         for _ in range(self.n_epochs):
             self._n_updates += 1
-            if not all(self._step(rows, networks, weights, told) for rows in self._minibatches()):
+            if not all(self._step(rows, networks, clip, told) for rows in self._minibatches()):
                 break
         self._log(told, clip)
 
@@ -168,35 +186,31 @@ class FastPpo(PPO):
         self,
         rows: NDArray[np.int64],
         networks: list[GaussianMlp],
-        weights: Weights,
+        clip: float,
         told: list[Told],
     ) -> bool:
         """Take one gradient step; return whether to go on, as `target_kl` says."""
         buffer: Any = self.rollout_buffer
-        gains = buffer.advantages[rows].ravel()
+        gains = buffer.advantages.take(rows)
         if self.normalize_advantage and len(rows) > 1:
             gains = (gains - gains.mean()) / (gains.std(ddof=1) + np.float32(1e-8))
         log_spread = self.policy.log_std.data.numpy()
         parts = max(min(len(networks), len(rows) // LEAST_ROWS), 1)
         edges = np.linspace(0, len(rows), parts + 1).astype(int)
-
-        def learn(part: int) -> Told:
-            cut = slice(edges[part], edges[part + 1])
-            chosen = rows[cut]
+        jobs: list[Callable[[], Told]] = []
+        for network, (first, last) in zip(networks, pairwise(edges), strict=False):
+            chosen = rows[first:last]
             lesson = Lesson(
-                known=buffer.observations[chosen].reshape(len(chosen), -1),
-                acted=buffer.actions[chosen],
-                advantages=gains[cut],
-                returns=buffer.returns[chosen].ravel(),
-                log_chances=buffer.log_probs[chosen].ravel(),
+                known=buffer.observations.take(chosen, axis=0).reshape(len(chosen), -1),
+                acted=buffer.actions.take(chosen, axis=0),
+                advantages=gains[first:last],
+                returns=buffer.returns.take(chosen),
+                log_chances=buffer.log_probs.take(chosen),
                 share=1.0 / len(rows),
             )
-            return networks[part].learn(lesson, log_spread, weights)
-
-        if parts == 1 or self._pool is None:
-            found = [learn(0)]
-        else:
-            found = list(self._pool.map(learn, range(parts)))
+            jobs.append(partial(network.teach_actor, lesson, log_spread, clip))
+            jobs.append(partial(network.teach_critic, lesson, self.vf_coef))
+        found = self._together(jobs)
         total = Told(*(sum(values) for values in zip(*map(_numbers, found), strict=True)))
         told.append(total)
         if self.target_kl is not None and total.change > 1.5 * self.target_kl:
@@ -225,9 +239,11 @@ class FastPpo(PPO):
         for chain, stack in modules:
             for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
                 gradients += [(module.weight, weight), (module.bias, bias)]
+        most, long = self.max_grad_norm, _norm(gradient for _, gradient in gradients)
         for parameter, gradient in gradients:  # an optimiser steps whatever has a gradient
+            if long > most:
+                gradient.mul_(most / (long + 1e-6))  # as torch.nn.utils.clip_grad_norm_ does
             parameter.grad = gradient if parameter.requires_grad else None
-        torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
         policy.optimizer.step()
 
     def _log(self, told: list[Told], clip: float) -> None:
@@ -251,6 +267,12 @@ class FastPpo(PPO):
             self.logger.record(f"train/{name}", value)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/clip_range", clip)
+
+
+def _norm(gradients: Iterable[torch.Tensor]) -> float:
+    """Return the length of all gradients together."""
+    flat = (gradient.numpy().ravel() for gradient in gradients)
+    return math.sqrt(sum(float(numbers.dot(numbers)) for numbers in flat))
 
 
 def _numbers(told: Told) -> tuple[float, float, float, float]:

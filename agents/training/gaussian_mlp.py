@@ -2,8 +2,9 @@
 
 PyTorch multiplies the matrices, on the weights of SB3's own policy; all that is answered number by
 number is numpy's, whose hyperbolic tangent takes a tenth of the time. Nothing is recorded for a
-backward pass, and every array is made once. Minibatches are cut in parts of nearly equal size, one
-for each thread: both libraries let go of the interpreter while they calculate.
+backward pass, and every array is made once. Actor and critic may learn on two threads, and a
+minibatch may be cut in parts of nearly equal size: both libraries let go of the interpreter while
+they calculate.
 
 Axis letters: n rows of a part, S numbers of an observation, A of an action.
 """
@@ -121,14 +122,6 @@ class Lesson:
     share: float  # 1 / rows of the whole minibatch
 
 
-@dataclass(frozen=True)
-class Weights:
-    """What PPO's loss weighs."""
-
-    clip: float  # of the ratio of chances
-    value: float  # of the critic's loss
-
-
 @dataclass
 class Told:
     """What a part tells of its lesson: sums over its rows, as shares of the minibatch."""
@@ -140,7 +133,7 @@ class Told:
 
 
 class GaussianMlp:
-    """Actor and critic for one thread."""
+    """Actor and critic of one part; they share nothing, so that two threads may teach them."""
 
     def __init__(self, actor: list[Layer], critic: list[Layer], rows: int) -> None:
         self.actor, self.critic = Stack(actor, rows), Stack(critic, rows)
@@ -151,19 +144,25 @@ class GaussianMlp:
         """Return the actor's answers (n, A) to what is seen, the first part of what is known."""
         return self.actor.answer(known[:, : self._seen])
 
-    def learn(self, lesson: Lesson, log_spread: Rows, weights: Weights) -> Told:
-        """Fill the gradients of PPO's loss. log_spread: (A,) of the actions' deviations."""
+    def value(self, known: torch.Tensor) -> Rows:
+        """Return the critic's answers (n,), which stay as they are."""
+        return self.critic.answer(known)[:, 0].copy()
+
+    def teach_actor(self, lesson: Lesson, log_spread: Rows, clip: float) -> Told:
+        """Fill the gradients of its loss.
+
+        log_spread: (A,) of the actions' deviations; clip: of the ratio of chances.
+        """
         told, share = Told(), np.float32(lesson.share)
-        known = torch.from_numpy(lesson.known)
         spread: Any = np.exp(log_spread)
-        off: Rows = (lesson.acted - self.act(known)) / spread
+        off: Rows = (lesson.acted - self.act(torch.from_numpy(lesson.known))) / spread
         squares = off * off
         chances = -0.5 * squares.sum(axis=1) - np.float32((log_spread + HALF_LOG_TAU).sum())
         ratio_log = chances - lesson.log_chances
         ratio = np.exp(ratio_log)
         gain = lesson.advantages * ratio
-        clipped = lesson.advantages * np.clip(ratio, 1.0 - weights.clip, 1.0 + weights.clip)
-        is_outside = np.abs(ratio - 1.0) > weights.clip
+        clipped = lesson.advantages * np.clip(ratio, 1.0 - clip, 1.0 + clip)
+        is_outside = np.abs(ratio - 1.0) > clip
         # The lesser of both counts; outside the limits the clipped one teaches nothing.
         slope = np.where(is_outside & (gain >= clipped), np.float32(0.0), -gain * share)
         np.multiply(off, slope[:, None], out=off)
@@ -173,7 +172,10 @@ class GaussianMlp:
         told.policy_loss = -float(np.minimum(gain, clipped).sum()) * lesson.share
         told.change = float((ratio - 1.0 - ratio_log).sum()) * lesson.share
         told.clipped = float(is_outside.sum()) * lesson.share
-        error = self.critic.answer(known)[:, 0] - lesson.returns
-        told.value_loss = float(np.dot(error, error)) * lesson.share
-        self.critic.learn((np.float32(2.0 * weights.value) * share * error)[:, None])
         return told
+
+    def teach_critic(self, lesson: Lesson, weight: float) -> Told:
+        """Fill the gradients of its loss, which counts with `weight`."""
+        error = self.critic.answer(torch.from_numpy(lesson.known))[:, 0] - lesson.returns
+        self.critic.learn((np.float32(2.0 * weight * lesson.share) * error)[:, None])
+        return Told(value_loss=float(np.dot(error, error)) * lesson.share)

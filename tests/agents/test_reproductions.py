@@ -65,6 +65,7 @@ def test_every_report_has_its_reproductions() -> None:
     assert {
         "highway-env",
         "park-gate",
+        "ppo-beside-sb3",
         "report-b-algorithms",
         "report-b-observations",
         "report-b-time-trial",
@@ -95,7 +96,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     with pytest.raises(
-        ScenarioError, match="'report-d' is unknown; choose one of highway-env, park-gate"
+        ScenarioError, match="'report-d' is unknown; choose one of highway-env, park-gate, ppo-beside-sb3"
     ):
         reproduction_named("report-d")
 
@@ -115,7 +116,7 @@ def test_a_line_holds_the_mean_of_its_runs_beside_theirs() -> None:
     assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.50"]
     assert texts[-1] == "2 of 10"
     assert texts_of(plan, lines[0], None, 2)[-1] == "2"
-    assert lines[0].curve == ((10.0, 1.0), (20.0, 3.0))
+    assert lines[0].curve == ((10.0, 1.0, 1.0, 1.0), (20.0, 3.0, 2.0, 4.0))  # mean and range
 
 
 def test_a_difference_to_the_base_is_told() -> None:

@@ -21,15 +21,22 @@ def turning_over(bend: float, samples: int = 2000) -> np.ndarray:
     return np.repeat([bend, -bend], half)
 
 
-@pytest.mark.parametrize("vehicle", [TT02, KART_60])
+@pytest.mark.parametrize(("vehicle", "bend"), [(TT02, BEND), (KART_60, 0.01)])
 def test_a_body_goes_astray_by_a_sixth_of_its_width_at_the_speed_that_is_left(
-    vehicle: Vehicle,
+    vehicle: Vehicle, bend: float
 ) -> None:
     stiffness = vehicle.cornering * vehicle.mass * GRAVITY
-    curvature = turning_over(BEND)
+    curvature = turning_over(bend)
     most = followed(np.full(2000, 10.0), curvature, SPACING, vehicle).min()
     lag = LAGS * most * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
-    assert most**2 * (2.0 * BEND) * lag**2 / 8.0 == pytest.approx(ASTRAY_WIDTHS * vehicle.width)
+    assert most**2 * (2.0 * bend) * lag**2 / 8.0 == pytest.approx(ASTRAY_WIDTHS * vehicle.width)
+
+
+def test_tight_bends_that_turn_over_leave_a_quarter_of_the_grip() -> None:
+    # At 4 m/s and 0.3125 1/m all of 5 m/s²; from one side to the other that is 10, and 7.5 are left.
+    bend = TT02.grip * GRAVITY / 4.0**2
+    most = followed(np.full(2000, 4.0), turning_over(bend), SPACING, TT02).min()
+    assert most**2 == pytest.approx(0.75 * 4.0**2)
 
 
 def test_in_a_bend_that_stays_the_same_nothing_is_slowed() -> None:

@@ -15,6 +15,10 @@ Pull = Callable[[float, float, Bounds], float]
 # Times that a body takes to turn until it follows another curvature, and how far [body widths] it
 # may go astray meanwhile.
 LAGS, ASTRAY_WIDTHS = 2.0, 0.16
+# How far [times the grip] the acceleration across may change meanwhile, of 2 from one side's limit
+# to that of the other: the tyres' slip turns over as well, and a body that goes astray until then
+# needs some grip to come back.
+TURN_OVER = 1.5
 
 
 def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle) -> Floats:
@@ -24,15 +28,16 @@ def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle)
     follows the steering with the time constant v I / (C a b), with the yaw inertia I, the
     stiffness C of all tyres [N/rad] and the axles' distances a and b from the centre of gravity.
     While it lags, for LAGS of these times T, the body goes astray by the change of the curvature
-    within them, v² Δk T² / 8.
+    within them, v² Δk T² / 8. And v² Δk is at most TURN_OVER times the grip.
     """
     stiffness = vehicle.cornering * vehicle.mass * GRAVITY
     lag = LAGS * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
     places = np.arange(len(speed))
     ahead = (places + lag * speed**2 / spacing) % len(speed)
     change = np.abs(np.interp(ahead, places, curvature, period=len(speed)) - curvature)
-    astray = 8.0 * ASTRAY_WIDTHS * vehicle.width
-    return np.asarray(np.sqrt(np.sqrt(astray / np.maximum(change, 1e-9)) / max(lag, 1e-9)))
+    change = np.maximum(change, 1e-9)
+    astray = np.sqrt(8.0 * ASTRAY_WIDTHS * vehicle.width / change) / max(lag, 1e-9)
+    return np.asarray(np.sqrt(np.minimum(astray, TURN_OVER * vehicle.grip * GRAVITY / change)))
 
 
 def slowed(
