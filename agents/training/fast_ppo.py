@@ -61,7 +61,9 @@ class FastPpo(PPO):
         if first is None or first.data_ptr() != actor[0].weight.data_ptr():
             # New parameters, or those of a checkpoint in other memory.
             rows = max(self.batch_size, self.n_envs)
-            self._parts = [GaussianMlp(actor, critic, rows) for _ in range(max(self.threads // 2, 1))]
+            self._parts = [
+                GaussianMlp(actor, critic, rows) for _ in range(max(self.threads // 2, 1))
+            ]
             if type(self.policy.optimizer) is torch.optim.Adam:
                 # One call for all parameters, with the same steps.
                 self.policy.optimizer.param_groups[0]["fused"] = True

@@ -96,6 +96,13 @@ class Task:
     most_steps: int = 0  # decisions until an episode is cut off; 0: the rules alone end it
     simulator: str = ""  # that moves the bodies, see `race_server.second`; empty: ours
 
+    def __post_init__(self) -> None:
+        """Take lists for tuples, as files and people write them."""
+        for name in ("scenarios", "opponents", "observation"):
+            value = getattr(self, name)
+            if not isinstance(value, str):
+                object.__setattr__(self, name, tuple(value))
+
     def with_options(self, **options: Any) -> "Task":
         """Return the task with other options: its own, or those of its discipline."""
         own = {each.name for each in fields(self)}

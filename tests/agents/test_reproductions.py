@@ -96,7 +96,8 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
     with pytest.raises(
-        ScenarioError, match="'report-d' is unknown; choose one of highway-env, park-gate, ppo-beside-sb3"
+        ScenarioError,
+        match="'report-d' is unknown; choose one of highway-env, park-gate, ppo-beside-sb3",
     ):
         reproduction_named("report-d")
 

@@ -232,3 +232,11 @@ def test_discrete_actions_have_masks_in_every_form() -> None:
     assert np.array_equal(KartVectorEnv(task).action_masks(), np.ones((2, 15)))
     with pytest.raises(ScenarioError, match="have no masks"):
         OneKart(ring_task(1)).action_masks()
+
+
+def test_parts_of_an_observation_may_come_as_a_list() -> None:
+    """Configurations of other libraries hold lists."""
+    kart = gymnasium.make(
+        "Kart/TimeTrial-v0", track="oval", observation=["lidar", "speed"], disable_env_checker=True
+    )
+    assert kart.observation_space.shape == (202,)
