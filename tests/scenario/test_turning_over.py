@@ -33,7 +33,7 @@ def test_a_body_goes_astray_by_a_sixth_of_its_width_at_the_speed_that_is_left(
 
 
 def test_tight_bends_that_turn_over_leave_a_quarter_of_the_grip() -> None:
-    # At 4 m/s and 0.3125 1/m all of 5 m/s²; from one side to the other that is 10, and 7.5 are left.
+    # A bend that takes all of 5 m/s² at 4 m/s: from side to side that is 10, and 7.5 are left.
     bend = TT02.grip * GRAVITY / 4.0**2
     most = followed(np.full(2000, 4.0), turning_over(bend), SPACING, TT02).min()
     assert most**2 == pytest.approx(0.75 * 4.0**2)

@@ -1,4 +1,4 @@
-"""PPO with gradients written out beside Stable-Baselines3's class: the same curves, in less time."""
+"""PPO with gradients written out beside the class of Stable-Baselines3 that it replaces."""
 
 from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Variant
 from race_agents.training.settings import Tracks
