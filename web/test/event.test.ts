@@ -7,7 +7,7 @@ import { Ghost, chosenGhost } from '../src/race/ghost';
 import { Pace } from '../src/race/pace';
 import { nowText, podiumOf, remarksOn, secondsLeft, turnsUntil } from '../src/race/programme';
 import { EventPhase } from '../src/wire/tables';
-import type { GhostFrame, ProgrammeFrame, TeamFrame } from '../src/wire/frames';
+import type { GhostFrame, ProgrammeFrame, TeamFrame } from '../src/wire/eventFrames';
 import { kart, roundCourse } from './frames';
 
 function team(changes: Partial<TeamFrame>): TeamFrame {

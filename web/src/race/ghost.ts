@@ -1,6 +1,7 @@
 // An earlier lap, or attempt, that a driver of a time trial drives against.
 
-import type { GhostFrame, KartFrame } from '../wire/frames';
+import type { GhostFrame } from '../wire/eventFrames';
+import type { KartFrame } from '../wire/frames';
 import { Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import type { Course } from './course';

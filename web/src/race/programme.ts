@@ -1,6 +1,6 @@
 // What people want to know of an event, from its programme.
 
-import type { DeletedLapFrame, ProgrammeFrame, TeamFrame } from '../wire/frames';
+import type { DeletedLapFrame, ProgrammeFrame, TeamFrame } from '../wire/eventFrames';
 import { EventPhase } from '../wire/tables';
 import type { Words } from '../i18n/en';
 

@@ -2,6 +2,7 @@
 // snapshot is plain data for the drawing loop; what people read is reactive and changes slowly.
 
 import type { ByteBuffer } from 'flatbuffers';
+import type { ProgrammeFrame } from '../wire/eventFrames';
 import type {
   AlertsFrame,
   BriefingFrame,
@@ -12,7 +13,6 @@ import type {
   KartAlert,
   KartFrame,
   LotFrame,
-  ProgrammeFrame,
   RaysFrame,
   RulesFrame,
   SnapshotFrame,

@@ -2,7 +2,8 @@
 
 import type { ByteBuffer } from 'flatbuffers';
 
-import type { CallFrame, Frame, GhostFrame, TeamFrame } from './frames';
+import type { CallFrame, GhostFrame, TeamFrame } from './eventFrames';
+import type { Frame } from './frames';
 import type { Call } from './generated/spectate/call.js';
 import type { Ghost } from './generated/spectate/ghost.js';
 import type { Team } from './generated/spectate/team.js';
