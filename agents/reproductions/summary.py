@@ -53,7 +53,8 @@ class VariantSummary:
         bounds, number = self.bounds(column), self.number(column)
         if bounds is None or number is None:
             return self.spread(column), self.spread(column)
-        return number - bounds[0], bounds[1] - number
+        # Of none and of all the bound is the figure, up to rounding.
+        return max(number - bounds[0], 0.0), max(bounds[1] - number, 0.0)
 
     def _total(self, key: str) -> float:
         return sum(run[key] or 0.0 for run in self.figures)

@@ -16,9 +16,10 @@ Pull = Callable[[float, float, Bounds], float]
 # may go astray meanwhile.
 LAGS, ASTRAY_WIDTHS = 2.0, 0.16
 # How far [times the grip] the acceleration across may change meanwhile, of 2 from one side's limit
-# to that of the other: the tyres' slip turns over as well, and a body that goes astray until then
-# needs some grip to come back.
-TURN_OVER = 1.5
+# to that of the other, where the body lags for less than QUICK_S [s], three decisions of a driver:
+# the tyres' slip turns over as well, which is noticed only afterwards, and a body that has gone
+# astray until then needs some grip to come back.
+TURN_OVER, QUICK_S = 1.5, 0.15
 
 
 def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle) -> Floats:
@@ -28,7 +29,8 @@ def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle)
     follows the steering with the time constant v I / (C a b), with the yaw inertia I, the
     stiffness C of all tyres [N/rad] and the axles' distances a and b from the centre of gravity.
     While it lags, for LAGS of these times T, the body goes astray by the change of the curvature
-    within them, v² Δk T² / 8. And v² Δk is at most TURN_OVER times the grip.
+    within them, v² Δk T² / 8. If that is quick, v² Δk is at most TURN_OVER times the
+    grip.
     """
     stiffness = vehicle.cornering * vehicle.mass * GRAVITY
     lag = LAGS * vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle)
@@ -36,8 +38,11 @@ def followed(speed: Floats, curvature: Floats, spacing: float, vehicle: Vehicle)
     ahead = (places + lag * speed**2 / spacing) % len(speed)
     change = np.abs(np.interp(ahead, places, curvature, period=len(speed)) - curvature)
     change = np.maximum(change, 1e-9)
-    astray = np.sqrt(8.0 * ASTRAY_WIDTHS * vehicle.width / change) / max(lag, 1e-9)
-    return np.asarray(np.sqrt(np.minimum(astray, TURN_OVER * vehicle.grip * GRAVITY / change)))
+    # Squares of speeds.
+    follows = np.sqrt(8.0 * ASTRAY_WIDTHS * vehicle.width / change) / max(lag, 1e-9)
+    is_quick = lag * speed < QUICK_S
+    steady = np.where(is_quick, TURN_OVER * vehicle.grip * GRAVITY / change, np.inf)
+    return np.asarray(np.sqrt(np.minimum(follows, steady)))
 
 
 def slowed(
