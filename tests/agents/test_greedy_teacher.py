@@ -60,6 +60,7 @@ def cost(x: float, y: float, degrees: float = 0.0, gear: int = BACK) -> float:
     return cost_to_go(bay()[1], GOAL, towed, gear)
 
 
+@pytest.mark.slow
 def test_straight_before_its_place_a_car_has_only_to_reverse() -> None:
     assert cost(3.0, 0.0) == pytest.approx(3.0, abs=0.5)
     rig, found = bay()

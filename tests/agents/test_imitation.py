@@ -90,6 +90,7 @@ def driven_at_random(*changes: str) -> School:
     return school
 
 
+@pytest.mark.slow
 def test_a_warm_start_comes_near_to_its_teacher_and_is_the_same_again() -> None:
     first, said = imitate(settings())
     again, _ = imitate(settings())

@@ -16,6 +16,7 @@ def cells(name: str) -> dict[tuple[int, int], float]:
     return {(round(case.speed / KMH), round(100.0 * case.share)): 0.0 for case in cases}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MATRICES)
 def test_who_avoids_everything_gets_all_points_that_there_are(name: str) -> None:
     points = points_of(name, cells(name))
