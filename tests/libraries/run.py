@@ -88,12 +88,16 @@ def outcome_of(script: Path) -> Outcome:
     return Outcome(script.stem, ", ".join(requirements).replace("==", " "), tried, done, seconds)
 
 
-def table_of(outcomes: list[Outcome]) -> str:
-    """Return a table in Markdown."""
-    rows = [
-        f"| {one.versions} | {one.tried} | {one.done or '**failed**'} | `{one.name}.py` |"
-        for one in outcomes
-    ]
+def table_of(names: list[str], known: dict[str, Outcome], page: str) -> str:
+    """Return a table in Markdown. A script that is not known here keeps the row of the page."""
+    before = {line.split("`")[-2]: line for line in page.splitlines() if line.endswith(".py` |")}
+    rows = []
+    for name in names:
+        if one := known.get(name):
+            done = one.done or "**failed**"
+            rows.append(f"| {one.versions} | {one.tried} | {done} | `{one.name}.py` |")
+        elif f"{name}.py" in before:
+            rows.append(before[f"{name}.py"])
     head = ["| packages | what is tried | what was done | script |", "|---|---|---|---|"]
     return "\n".join([BEGIN, "", *head, *rows, "", END])
 
@@ -107,10 +111,11 @@ def main(names: list[str]) -> int:
     known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
     known |= {one.name: asdict(one) for one in outcomes}
     kept.write_text(json.dumps(known, indent=1), encoding="utf-8")
-    shown = [Outcome(**known[path.stem]) for path in scripts if path.stem in known]
     text = PAGE.read_text(encoding="utf-8")
     before, after = text.split(BEGIN)[0], text.split(END)[1]
-    PAGE.write_text(before + table_of(shown) + after, encoding="utf-8")
+    found = {name: Outcome(**row) for name, row in known.items()}
+    table = table_of([path.stem for path in scripts], found, text)
+    PAGE.write_text(before + table + after, encoding="utf-8")
     failed = [one.name for one in outcomes if not one.done]
     print(f"{len(outcomes) - len(failed)} passed, {len(failed)} failed")
     return int(bool(failed))

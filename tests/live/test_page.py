@@ -80,7 +80,6 @@ def drive_by_keys(page: Page, is_done: Callable[[], object], timeout_s: float) -
     driver.press(set())
 
 
-@pytest.mark.slow
 def test_a_lap_is_driven_by_pressing_keys(driving: Page, watching: Page) -> None:
     row = watching.locator(f"[data-testid=leaderboard] tr[data-seat='{OWN}']")
     drive_by_keys(driving, lambda: karts(driving)[OWN]["laps"] >= 1, timeout_s=150.0)
