@@ -17,7 +17,7 @@ import torch
 os.environ["RAY_worker_niceness"] = "0"  # noqa: SIM112  # Ray writes it so
 from ray.cluster_utils import Cluster
 
-STEPS, WORLDS, ROLLOUT = 120_000, 16, 64  # decisions of each world between lessons
+STEPS, WORLDS, ROLLOUT = 360_000, 16, 64  # decisions of each world between lessons
 MOST_S = 180.0  # a busy machine needs a minute to begin; what it took is printed
 CHANGES = (
     *("network.layers=[16]", "lidar.rays=21", "tracks={names = ['oval']}"),
