@@ -133,6 +133,15 @@ class Column:
     has_bounds: bool = True  # of a percentage
 
 
+# How a policy drives in an exam on tracks, and what it took to learn that.
+DRIVING = (
+    Column("speed", "speed, m/s"),
+    Column("crashes_per_minute", "crashes/min", 1),
+    Column("laps", "laps", 1),
+    Column("learning_cpu_s", "learning, CPU s", 0),
+)
+
+
 @dataclass(frozen=True)
 class Reproduction:
     """A table of a report."""

@@ -5,8 +5,7 @@ rounding: SB3's class (`ppo-sb3`) is the reference that a test compares it with.
 not made of dense layers with a Gaussian answer, SB3's own code does the work.
 """
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
@@ -241,11 +240,9 @@ class FastPpo(PPO):
         for chain, stack in modules:
             for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
                 gradients += [(module.weight, weight), (module.bias, bias)]
-        most, long = self.max_grad_norm, _norm(gradient for _, gradient in gradients)
         for parameter, gradient in gradients:  # an optimiser steps whatever has a gradient
-            if long > most:
-                gradient.mul_(most / (long + 1e-6))  # as torch.nn.utils.clip_grad_norm_ does
             parameter.grad = gradient if parameter.requires_grad else None
+        torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
         policy.optimizer.step()
 
     def _log(self, told: list[Told], clip: float) -> None:
@@ -269,12 +266,6 @@ class FastPpo(PPO):
             self.logger.record(f"train/{name}", value)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/clip_range", clip)
-
-
-def _norm(gradients: Iterable[torch.Tensor]) -> float:
-    """Return the length of all gradients together."""
-    flat = (gradient.numpy().ravel() for gradient in gradients)
-    return math.sqrt(sum(float(numbers.dot(numbers)) for numbers in flat))
 
 
 def _numbers(told: Told) -> tuple[float, float, float, float]:

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from race_server.core.state import Float32s
 from race_server.errors import ScenarioError
@@ -20,7 +21,7 @@ def actions_as(actions: Any, shape: tuple[int, int, int]) -> Float32s:
     """
     worlds, learners, width = shape
     karts = worlds * learners
-    given = _numbers(actions)
+    given = numbers(actions)
     fitting = [shape, (karts, width)]
     if karts == 1:
         fitting.append((width,))
@@ -42,7 +43,7 @@ def action_as(action: Any, width: int, agent: str = "") -> Float32s:
     Raises:
         ScenarioError: it has another shape, or one of its numbers is not finite.
     """
-    given = _numbers(action)
+    given = numbers(action)
     if given.shape != (width,) and not (width == 1 and given.shape == ()):
         whose = f" of {agent}" if agent else ""
         raise ScenarioError(f"action{whose} of shape {given.shape}: give {(width,)}")
@@ -68,8 +69,13 @@ def finite(actions: Float32s, agent: str = "") -> Float32s:
     return actions
 
 
-def _numbers(actions: Any) -> Float32s:
+def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[Any]:
+    """Return actions as an array of floats of a kind.
+
+    Raises:
+        ScenarioError: they are no numbers.
+    """
     try:
-        return np.asarray(actions, np.float32)
+        return np.asarray(actions, kind)
     except (TypeError, ValueError) as error:
         raise ScenarioError(f"action {actions!r}: give numbers") from error

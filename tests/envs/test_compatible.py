@@ -206,3 +206,10 @@ def test_other_vehicles_of_a_road_are_as_many_as_asked_for() -> None:
     assert seen_with(1).shape == (2, 2)
     with pytest.raises(ScenarioError, match="'other_vehicles' is 9; give 0 to 8"):
         seen_with(9)
+
+
+def test_the_reward_of_a_decision_is_the_one_that_is_computed_for_its_goals() -> None:
+    env = park(0.0, 0.0, 30.0)
+    for _ in range(20):
+        seen, reward, *_ = env.step([0.4, 0.2])
+        assert reward == env.compute_reward(seen["achieved_goal"], seen["desired_goal"], {})

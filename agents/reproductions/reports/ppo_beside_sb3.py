@@ -1,6 +1,13 @@
 """PPO with gradients written out beside the class of Stable-Baselines3 that it replaces."""
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Variant
+from race_agents.reproductions.plan import (
+    DRIVING,
+    Column,
+    Exam,
+    Reproduction,
+    TrainingScale,
+    Variant,
+)
 from race_agents.training.settings import Tracks
 
 REPRODUCTION = Reproduction(
@@ -17,10 +24,7 @@ REPRODUCTION = Reproduction(
     their_heads=(),
     columns=(
         Column("learning_return", "return, mean of the training", 1),
-        Column("speed", "speed, m/s"),
-        Column("crashes_per_minute", "crashes/min", 1),
-        Column("laps", "laps", 1),
-        Column("learning_cpu_s", "learning, CPU s", 0),
+        *DRIVING,
     ),
     plotted=Column("learning_return", "return, mean of the training"),
     assumptions=(

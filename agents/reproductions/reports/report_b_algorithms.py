@@ -1,6 +1,14 @@
 """Report of the 1/10 race, 2023, table 5.1: which algorithm earns most in 100 000 steps."""
 
-from race_agents.reproductions.plan import Column, Exam, Reproduction, TrainingScale, Twist, Variant
+from race_agents.reproductions.plan import (
+    DRIVING,
+    Column,
+    Exam,
+    Reproduction,
+    TrainingScale,
+    Twist,
+    Variant,
+)
 from race_agents.reproductions.report_b import ASSUMPTIONS, OWN, as_printed
 from race_agents.training.settings import Tracks
 
@@ -34,10 +42,7 @@ REPRODUCTION = Reproduction(
     their_heads=("mean reward", "remark"),
     columns=(
         Column("reward", "reward of a decision"),
-        Column("speed", "speed, m/s"),
-        Column("crashes_per_minute", "crashes/min", 1),
-        Column("laps", "laps", 1),
-        Column("learning_cpu_s", "learning, CPU s", 0),
+        *DRIVING,
     ),
     plotted=Column("reward", "mean reward"),
     assumptions=(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.envs.action_shapes import numbers
 from race_server.envs.batch import Batch
 from race_server.envs.compatible.config import Config
 from race_server.errors import ScenarioError
@@ -71,9 +72,9 @@ def numbers_of(actions: Any, shape: tuple[int, ...] | None) -> Array:
     """Return actions as numbers of a shape.
 
     Raises:
-        ScenarioError: they have another one.
+        ScenarioError: they have another one, or are no numbers.
     """
-    given = np.asarray(actions, np.float64)
+    given = numbers(actions, np.float64)
     if given.shape != shape:
         raise ScenarioError(f"actions of shape {given.shape}: give {shape}")
     return given

@@ -63,11 +63,7 @@ def judge(
     """
     for w in range(len(steps)):
         _write_goals(observations[w, 0], places, outcomes.achieved[w], outcomes.desired[w])
-        squares = 0.0
-        for number, weight in enumerate(prices.weights):
-            away = outcomes.achieved[w, number] - outcomes.desired[w, number]
-            squares += weight * abs(away)
-        near = -math.sqrt(squares)
+        near = _nearness(outcomes.achieved[w], outcomes.desired[w], prices.weights)
         crashed = bodies[w, 0].status == codes.RETIRED
         arrived = near > -prices.success
         outcomes.rewards[w] = near + (prices.collision if crashed else 0.0)
@@ -75,6 +71,22 @@ def judge(
         outcomes.crashed[w], outcomes.arrived[w] = crashed, arrived
         outcomes.over[w] = crashed or arrived
         outcomes.cut[w] = steps[w] >= prices.decisions
+
+
+@kernel
+def write_nearness(achieved: Floats, desired: Floats, weights: Floats, rewards: Floats) -> None:
+    """Write the rewards (n,) for goals (n, 6)."""
+    for row in range(len(rewards)):
+        rewards[row] = _nearness(achieved[row], desired[row], weights)
+
+
+@kernel
+def _nearness(achieved: Floats, desired: Floats, weights: Floats) -> float:
+    """Return minus the root of the weighted differences of two goals (6,)."""
+    squares = 0.0
+    for number, weight in enumerate(weights):
+        squares += weight * abs(achieved[number] - desired[number])
+    return -math.sqrt(squares)
 
 
 @kernel

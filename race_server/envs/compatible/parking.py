@@ -19,7 +19,14 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.compatible.cars import Array, Infos, Moved, begin_round, decisions_of
 from race_server.envs.compatible.config import config_of
-from race_server.envs.compatible.outcomes import PARTS, SCALES, Outcomes, Prices, judge
+from race_server.envs.compatible.outcomes import (
+    PARTS,
+    SCALES,
+    Outcomes,
+    Prices,
+    judge,
+    write_nearness,
+)
 from race_server.envs.compatible.single import CompatibleEnv
 from race_server.envs.compatible.vector import CompatibleVector
 from race_server.envs.presets import parking_task
@@ -71,7 +78,7 @@ class ParkCars:
         self.batch = Batch(self._task(), worlds=worlds, after=STAY)
         self._steps = np.zeros(worlds, np.int64)
         told = Outcomes.of(worlds)
-        self._judge = self._bound_judge(told)
+        self._judge, self._is_judged = self._bound_judge(told), False
         # Their arrays are written by each call of it.
         infos = {"speed": told.speeds, "crashed": told.crashed, "is_success": told.arrived}
         self._moved = Moved(told.rewards, told.over, told.cut, infos)
@@ -119,10 +126,11 @@ class ParkCars:
         """Put one car into the middle, and draw its slot. chance: not used."""
         begin_round(self.batch, w, seed)
         self._steps[w] = 0
-        self._judge()
+        self._is_judged = False
 
     def observe(self) -> dict[str, Array]:
         """Return where the cars are, and where they are wanted: each (W, 6)."""
+        self._judge_once()
         return self._goals
 
     def move(self, actions: Array) -> Moved:
@@ -131,16 +139,28 @@ class ParkCars:
         controls[:, 0, :2] = actions[:, ::-1]
         self.batch.step()
         self._steps += 1
-        self._judge()
+        self._is_judged = False
+        self._judge_once()
         return self._moved
 
     def infos(self, actions: Array) -> Infos:
         """Return speeds [m/s], crashes and successes."""
+        self._judge_once()
         return self._moved.infos
+
+    def _judge_once(self) -> None:
+        """Write what the cars have come to, once for all that have begun or moved since."""
+        if not self._is_judged:
+            self._judge()
+            self._is_judged = True
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """Return the reward for goals (n, 6) or (6,)."""
-        return -np.sqrt(np.abs(np.asarray(achieved) - desired) @ self._weights)
+        both = np.broadcast_arrays(np.asarray(achieved, np.float64), desired)
+        here, there = (np.array(goals, np.float64).reshape(-1, len(SCALES)) for goals in both)
+        rewards = np.empty(len(here))
+        write_nearness(here, there, self._weights, rewards)
+        return rewards.reshape(both[0].shape[:-1])[()]
 
 
 class ParkCompatible(CompatibleEnv):

@@ -27,7 +27,7 @@ import {
 } from './tables';
 import { readCourse, readLine, readLot, readRules } from './decodeCourse';
 import { readGhosts, readProgramme } from './decodeEvent';
-import { rowsOf } from './rows';
+import { NOTHING, rowsOf } from './rows';
 
 /** Returns the message in some bytes, null if they are damaged or unknown. */
 export function decode(data: ArrayBuffer): Frame | null {
@@ -312,5 +312,3 @@ function readBriefing(buffer: ByteBuffer): Frame {
     numbers: new Map(names.map((name, row) => [name, table.vehicleValues(row) ?? 0])),
   };
 }
-
-const NOTHING = new Float64Array();

@@ -3,7 +3,7 @@
 import type { ByteBuffer } from 'flatbuffers';
 
 import type { Frame, Rectangle } from './frames';
-import { rowsOf } from './rows';
+import { NOTHING, rowsOf } from './rows';
 import { Course, Line, Lot, Rules } from './tables';
 
 export function readCourse(buffer: ByteBuffer): Frame {
@@ -105,5 +105,3 @@ export function readLine(buffer: ByteBuffer): Frame {
     note: table.note() ?? '',
   };
 }
-
-const NOTHING = new Float64Array();
