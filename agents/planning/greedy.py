@@ -1,4 +1,4 @@
-"""Drives a car to where its costs to go are least: what it does depends on its state alone.
+"""Drives a vehicle to where its costs to go are least: what it does depends on its state alone.
 
 So the answer is the same whichever way the car came, and nearly the same a centimetre on. Those of
 a planner are not: of two paths that cost about the same it finds one here and the other a metre on.
@@ -7,10 +7,13 @@ a planner are not: of two paths that cost about the same it finds one here and t
 import math
 from typing import NamedTuple
 
-from race_server.core.free_space.rig import Rig, Towed
-from race_server.core.free_space.state_costs import (
+from race_agents.planning.rig_moves import way_in
+from race_server.core.free_space.obstacles import Obstacles
+from race_server.core.free_space.rig import Rig, Towed, is_towing
+from race_server.core.free_space.states import (
     AHEAD,
     BACK,
+    UNKNOWN,
     StateCosts,
     cost_to_go,
     state_after,
@@ -18,17 +21,18 @@ from race_server.core.free_space.state_costs import (
 from race_server.core.kernels.boxes import Hull, hull_of
 from race_server.core.kernels.geometry import Pose, clip, cos_sin, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.kernels.trailers import axle_pose
-from race_server.core.rules.parking import stand_in, turned_half
+from race_server.core.kernels.trailers import axle_pose, hitch_angle
+from race_server.core.rules.parking import judged_box, stand_in, turned_half
 from race_server.core.state import Floats, Ints, Record, Records
 
 # What is tried: shares of the greatest rate at which the angle changes, the most strides, and how
 # long one is, as a share of a cell.
 SHARES, TRIED, STRIDE = (0.0, 0.5, -0.5, 1.0, -1.0), 4, 0.5
-# Strides that are looked ahead to where the vehicle turns round or stands, and those after which
-# the angle is the one to steer to.
-AHEAD_OF_IT, STEERED_TO = 12, 3
-# Speed at which it turns round, the most [m/s], and braking [m/s²].
+# Strides that are looked ahead to where the vehicle turns round or stands, and the way [m] for the
+# usual bar in which the wheels come to where they are steered to.
+AHEAD_OF_IT = 12
+STEERED = 0.75
+# Speed at which it turns round, the most of a car [m/s], and braking [m/s²].
 SLOW, TOP, BRAKING = 0.3, 1.0, 0.5
 # A change of the wheels' angle [rad] that does not slow the vehicle down.
 LITTLE = 0.06
@@ -49,16 +53,28 @@ class Choice(NamedTuple):
     cost: float  # [m] from the state on
 
 
+class Guide(NamedTuple):
+    """What is known on the way to a slot."""
+
+    costs: StateCosts
+    obstacles: Obstacles
+    rig: Rig
+    goal: Pose  # of the last axle
+
+
 class Lead(NamedTuple):
     """How to drive on."""
 
     speed: float  # [m/s] negative in reverse
-    angle: float  # [rad] that the front wheels are to have
+    # [1/m] of the path of the rear axle that draws a trailer; [rad] that the front wheels of a
+    # car are to have.
+    turn: float
 
 
 @large_kernel
-def choose(found: StateCosts, rig: Rig, goal: Pose, state: Towed, gear: int) -> Choice:
+def choose(guide: Guide, state: Towed, gear: int) -> Choice:
     """Return what costs least. gear: AHEAD or BACK, in which the vehicle came."""
+    found, rig, goal = guide.costs, guide.rig, guide.goal
     best = Choice(gear, 0.0, math.inf)
     stride = STRIDE * found.grid.cell
     for chosen in range(2):
@@ -77,29 +93,43 @@ def choose(found: StateCosts, rig: Rig, goal: Pose, state: Towed, gear: int) -> 
     return best
 
 
+@kernel
+def _pace(left: float, top: float) -> float:
+    """Return the speed [m/s] at which a vehicle can turn round or stand after a way [m]."""
+    return min(math.sqrt(SLOW * SLOW + 2.0 * BRAKING * max(left, 0.0)), top)
+
+
 @large_kernel
-def lead(found: StateCosts, rig: Rig, goal: Pose, state: Towed, gear: int, top: float) -> Lead:
+def lead(guide: Guide, state: Towed, gear: int, top: float, rows: Floats) -> Lead:
     """Return how to drive on from a state, at a speed from which it can turn round where it has to.
 
-    gear: AHEAD or BACK, in which the vehicle came; top: most speed [m/s].
+    Both are not numbers where no way is known.
+
+    gear: AHEAD or BACK, in which the vehicle came; top: most speed [m/s]; rows: work space, see
+    `way_in`.
     """
-    first = choice = choose(found, rig, goal, state, gear)
+    found, rig = guide.costs, guide.rig
+    first = choice = choose(guide, state, gear)
+    if is_towing(rig):
+        left = abs(way_in(guide.obstacles, rig, state, guide.goal, -1.0, rows))
+        if left + (found.cusp if gear == AHEAD else 0.0) <= first.cost:
+            return Lead(-_pace(left, top), rows[0, 0])
+    if first.cost >= UNKNOWN:
+        return Lead(math.nan, math.nan)
     stride = STRIDE * found.grid.cell
     way = 1.0 if first.gear == AHEAD else -1.0
-    after, angle, strides = state, state.angle, 0
+    after, turn, strides = state, state.angle, 0
     while strides < AHEAD_OF_IT and choice.gear == first.gear:
         after = state_after(found, rig, after, choice.share, way * stride)
         strides += 1
-        if strides <= STEERED_TO:
-            angle = after.angle
+        if strides == 1 or strides * stride <= STEERED * found.scale:
+            turn = after.curvature if is_towing(rig) else after.angle
         before = choice.cost
-        choice = choose(found, rig, goal, after, first.gear)
+        choice = choose(guide, after, first.gear)
         if choice.cost > before:
             break  # nothing is gained by going on
-    speed = math.sqrt(SLOW * SLOW + 2.0 * BRAKING * stride * max(strides - 1, 0))
-    if strides == AHEAD_OF_IT:
-        speed = top
-    return Lead(way * min(speed, top), angle)
+    turns_then = 1 if strides < AHEAD_OF_IT else 0
+    return Lead(way * _pace(stride * (strides - turns_then), top), turn)
 
 
 @kernel
@@ -123,33 +153,51 @@ def lead_all(
     vehicles: Records,
     parkers: Records,
     goals: Floats,
-    found: StateCosts,
-    rig: Rig,
+    guide: Guide,
+    rows: Floats,
     controls: Floats,
 ) -> None:
     """Fill `controls`, (W, 2) speed [m/s] and steering as a share, for the chosen worlds, (n,).
 
-    bodies, vehicles, parkers: (W, 1) BODY, VEHICLE and PARKER; goals: (W, 3) pose of the rear axle
-    in its place.
+    Both are not numbers where no way is known.
+
+    bodies, vehicles, parkers: (W, 1) BODY, VEHICLE and PARKER; goals: (W, 3) pose of the last axle
+    in its place; rows: work space, see `way_in`.
     """
     for w in chosen:
         body, vehicle, parker = bodies[w, 0], vehicles[w, 0], parkers[w, 0]
         goal = Pose(goals[w, 0], goals[w, 1], goals[w, 2])
-        axle = axle_pose(body, vehicle, 0)
-        angle = clip(body.steering, -found.sharpest, found.sharpest)
-        beside = clip(seen_from(goal, axle).y, -BESIDE, BESIDE)
-        cos, sin = cos_sin(goal.heading)
-        x, y = axle.x - beside * sin, axle.y + beside * cos
-        state = Towed(x, y, axle.heading, angle, 0.0)
-        top = min(TOP, vehicle.top_speed, vehicle.reverse_speed)
+        state = _state_of(body, vehicle, goal, guide)
         gear = BACK if parker.gear < 0 else AHEAD
-        told = lead(found, rig, goal, state, gear, top)
-        # In the time of STEERED_TO strides the wheels have to come there.
-        late = max(abs(told.angle - body.steering), LITTLE) / vehicle.steering_rate
-        most = max(STEERED_TO * STRIDE * found.grid.cell / late, SLOW)
-        speed = clip(told.speed, -most, most)
+        top = vehicle.top_speed if is_towing(guide.rig) else TOP
+        told = lead(guide, state, gear, top, rows)
+        angle = told.turn
+        if is_towing(guide.rig):
+            angle = math.atan((vehicle.front_axle + vehicle.rear_axle) * told.turn)
+        # On the way STEERED the wheels have to come there.
+        late = max(abs(angle - body.steering), LITTLE) / vehicle.steering_rate
+        most = max(STEERED * guide.costs.scale / late, SLOW)
+        speed = clip(told.speed, -min(most, vehicle.reverse_speed), min(most, vehicle.top_speed))
         turns_round = (told.speed < 0.0) != (gear == BACK)
-        if is_settled(parker, hull_of(vehicle, body, 0), KEPT if turns_round else SETTLED):
+        hull = hull_of(vehicle, body, judged_box(parker, vehicle))
+        if is_settled(parker, hull, KEPT if turns_round else SETTLED):
             speed = 0.0
-        controls[w, 0] = speed
-        controls[w, 1] = clip(told.angle / vehicle.steering_limit, -1.0, 1.0)
+        is_known = told.speed == told.speed
+        controls[w, 0] = speed if is_known else math.nan
+        controls[w, 1] = clip(angle / vehicle.steering_limit, -1.0, 1.0) if is_known else math.nan
+
+
+@kernel
+def _state_of(body: Record, vehicle: Record, goal: Pose, guide: Guide) -> Towed:
+    """Return the state of a body as if its own goal were that of the guide."""
+    towing = is_towing(guide.rig)
+    seen = seen_from(goal, axle_pose(body, vehicle, 1 if towing else 0))
+    angle, aside = hitch_angle(body, 0) if towing else body.steering, seen.y
+    if not towing:
+        angle = clip(angle, -guide.costs.sharpest, guide.costs.sharpest)
+        aside += clip(seen.y, -BESIDE, BESIDE)
+    cos, sin = cos_sin(guide.goal.heading)
+    x = guide.goal.x + seen.x * cos - aside * sin
+    y = guide.goal.y + seen.x * sin + aside * cos
+    # The wheels may turn at a stand: what is asked of them is slow enough.
+    return Towed(x, y, guide.goal.heading + seen.heading, angle, math.inf)

@@ -6,7 +6,6 @@ on top of what the path itself asks for. So a track holds the vehicle's rear axl
 ahead, and the trailer's axle where it leads back.
 """
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +19,6 @@ from race_agents.planning.path_follower import (
     LAST,
     LEFT,
     SPEED,
-    STANDING,
     Spot,
     X,
     Y,
@@ -37,8 +35,7 @@ from race_server.core.free_space.rig import Rig, angle_rate, towed_by, way_behin
 from race_server.core.kernels.geometry import Pose, cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.motion import Command, Motion
-from race_server.core.kernels.trailers import hitch_angle
-from race_server.core.state import Floats, Ints, Record, Records
+from race_server.core.state import Floats, Record
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError
 
@@ -46,14 +43,6 @@ from race_server.errors import PlanError
 PURSUIT = 0.7
 # Least share of the vehicle's way that its trailer's axle is taken to move.
 LEAST_RATIO = 0.3
-# A vehicle that is farther than this from its way [m], or turned [rad], or whose hitch has another
-# angle than planned by more than this [rad], gets another way. So does one that drives against its
-# way, faster than this [m/s]: it turned round where another way does, and may well go on.
-AWAY, TURNED, BENT, AGAINST = 1.0, 0.4, 0.5, 0.3
-# Decisions for which a way is kept against which a vehicle drives.
-KEPT = 20
-# Slower than this [m/s] a vehicle stands, as far as labels are concerned; none of them is slower.
-SLOW = 0.1
 
 
 def make_towed_track(path: TowedPath, vehicle: Vehicle, cruise: float) -> Floats:
@@ -168,76 +157,3 @@ def follow_towed(
     planned = track[spot.point, ANGLE]
     ratio = max(way_behind(rig, planned, track[spot.point, CURVATURE]), LEAST_RATIO)
     return drive_on(track, spot, vehicle, motion, curvature, ratio, cap)
-
-
-@large_kernel
-def label_all(
-    bodies: Records,
-    vehicles: Records,
-    rig: Rig,
-    tracks: Floats,
-    counts: Ints,
-    ages: Ints,
-    progress: Floats,
-    controls: Floats,
-) -> None:
-    """Fill `controls`, (W, 2) speed and steering as shares, from the way of each world.
-
-    bodies, vehicles: (W, 1) BODY and VEHICLE; tracks: (W, S, COLUMNS), of which the first `counts`,
-    (W,), are a way, none where a vehicle is astray; ages: (W,) decisions since it was planned;
-    progress: (W, 1), see `follow_towed`.
-    """
-    for w in range(len(bodies)):
-        body, vehicle = bodies[w, 0], vehicles[w, 0]
-        controls[w, 0] = controls[w, 1] = math.nan
-        if counts[w] == 0:
-            continue
-        track = tracks[w, : counts[w]]
-        speed = body.speed if abs(body.speed) >= SLOW else 0.0
-        motion = Motion(
-            body.x, body.y, body.heading, speed, body.lateral_speed, body.yaw_rate, body.steering
-        )
-        angle = hitch_angle(body, 0)
-        cap = 2.0 * vehicle.top_speed
-        command = follow_towed(track, progress[w], vehicle, rig, motion, angle, cap)
-        row = track[int(progress[w, 0])]
-        led = guided_axle(rig, axle_of(vehicle, motion), angle, row[GEAR])
-        is_against = speed * row[GEAR] < -AGAINST and ages[w] >= KEPT
-        if is_against or _is_astray(row, led, angle):
-            counts[w] = 0
-            continue
-        spot = locate(track, progress[w], led.x, led.y, motion.speed)
-        controls[w, 0] = _wanted_speed(track, spot, vehicle, rig)
-        controls[w, 1] = command.steering
-        if spot.arrived and row[LAST] == counts[w] - 1 and abs(body.speed) < STANDING:
-            counts[w] = 0  # it would have ended here, so it does not stand well enough
-
-
-@kernel
-def _wanted_speed(track: Floats, spot: Spot, vehicle: Record, rig: Rig) -> float:
-    """Return the speed at a spot of a way, as a share of the most in that direction.
-
-    At the end of a leg it turns round, so that the vehicle stands for a moment.
-    """
-    row, after = track[spot.point], track[spot.point + 1]
-    gear = row[GEAR]
-    ratio = 1.0
-    if gear < 0.0:
-        ratio = max(way_behind(rig, row[ANGLE], row[CURVATURE]), LEAST_RATIO)
-    speed = gear * max((row[SPEED] + spot.share * (after[SPEED] - row[SPEED])) / ratio, SLOW)
-    if spot.arrived:
-        speed = -gear * SLOW
-    return speed / (vehicle.top_speed if speed > 0.0 else vehicle.reverse_speed)
-
-
-@kernel
-def _is_astray(row: Floats, led: Pose, angle: float) -> bool:
-    """Return whether a vehicle is too far from a point of its way, (COLUMNS,), to come back.
-
-    led: the axle that is led; angle: at the hitch [rad].
-    """
-    cos, sin = cos_sin(wrap_angle(row[HEADING]))
-    x, y = led.x - row[X], led.y - row[Y]
-    is_away = max(abs(x * cos + y * sin), abs(y * cos - x * sin)) > AWAY
-    is_turned = abs(wrap_angle(led.heading - row[HEADING])) > TURNED
-    return is_away or is_turned or abs(wrap_angle(angle - row[ANGLE])) > BENT

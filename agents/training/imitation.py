@@ -21,7 +21,6 @@ from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.lines import Say, find_lines
 from race_agents.training.lot_teacher import LotTeacher
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.planning_teacher import PlanningTeacher
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import PLANNER, Settings, WarmStart
 from race_agents.training.supervised import Memory, SupervisedSteps
@@ -66,10 +65,8 @@ class School:
         self.teacher: Teacher | LotTeacher
         if wanted.teacher != PLANNER:
             self.teacher = Teacher(wanted, self.batch)
-        elif self.batch.scenarios[0].vehicle_of(0).trailers:
-            self.teacher = PlanningTeacher(self.batch)
         else:
-            self.teacher = GreedyTeacher(self.batch, say, cell=wanted.cell)
+            self.teacher = GreedyTeacher(self.batch, say, cell=wanted.cell, reach=wanted.reach)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 

@@ -7,22 +7,24 @@ import numpy as np
 import pytest
 
 from race_agents.planning.greedy import KEPT, SETTLED, choose, is_settled
-from race_agents.training.greedy_teacher import GreedyTeacher, rows_of
+from race_agents.planning.guides import alike_slots
+from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.imitation import School
 from race_agents.training.settings_toml import read_settings
 from race_server.core.free_space.ground import NO_BOXES, Ground
 from race_server.core.free_space.rig import Rig, Towed, rig_of_car
-from race_server.core.free_space.state_costs import (
+from race_server.core.free_space.state_costs import find_state_costs
+from race_server.core.free_space.states import (
     AHEAD,
     BACK,
     UNKNOWN,
     StateCosts,
     cost_to_go,
-    find_state_costs,
 )
 from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.parking.heuristics.atlas import goal_in
@@ -151,10 +153,21 @@ def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path)
 
 
 def test_slots_side_by_side_and_one_behind_another_have_costs_together() -> None:
-    lots = make_world(parking_scenario("aisle-90"), [1]).parking.lots
-    assert rows_of(lots, 0) == [list(range(16)), list(range(16, 32))]
-    street = make_world(parking_scenario("generated:street:7"), [1]).parking.lots
-    assert rows_of(street, 0) == [[0, 1, 2, 3, 4]]
+    assert alike("aisle-90", CAR) == [list(range(16)), list(range(16, 32))]
+    assert alike("generated:street:7", CAR) == [[0, 1, 2, 3, 4]]
+
+
+def test_for_a_trailer_slots_are_alike_around_which_all_is_alike() -> None:
+    lorry = vehicle_named("lorry-16m5")
+    # From each dock it is as far to no other wall; turned round, the lot of four rows is the same.
+    assert len(alike("dock-35", lorry)) == 18
+    assert [len(slots) for slots in alike("grid-150", lorry)] == [2] * 54
+    assert [0, 107] in alike("grid-150", lorry)
+
+
+def alike(lot: str, vehicle: Vehicle) -> list[list[int]]:
+    world = make_world(parking_scenario(lot), [1])
+    return alike_slots(world.parking.lots, world.walls, 0, vehicle)
 
 
 def test_it_refuses_what_it_cannot_answer_with(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Several cars and one gate: paid each for itself, paid together, MAPPO and MA-POCA."""
+"""Several karts and one gate: paid each for itself, paid together, MAPPO and MA-POCA."""
 
 from race_agents.reproductions.plan import (
     Column,
@@ -19,17 +19,19 @@ _WAYS = (
 ALL_PARKED = Column("all_parked", "all parked, %", 1, of="rounds")
 
 REPRODUCTION = Reproduction(
-    title="Several cars through one gate, each to a slot",
+    title="Several karts through one gate, each to a slot",
     source="no report: a comparison of this program's learners, as that of MA-POCA in Cohen et "
     "al., 2021, https://arxiv.org/abs/2111.05992, on other tasks",
     preset="park-gate",
     rows=tuple(
-        Variant(f"{cars} cars, {name}", (f"race={{karts = {cars}, learners = {cars}}}", *changes))
-        for cars in SIZES
+        Variant(
+            f"{karts} karts, {name}", (f"race={{karts = {karts}, learners = {karts}}}", *changes)
+        )
+        for karts in SIZES
         for name, changes in _WAYS
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=20_000_000, seeds=3, starts=1000),
+    full=TrainingScale(steps=8_000_000, seeds=3, starts=1000),
     quick=TrainingScale(steps=32_768, seeds=1, starts=20, changes=("worlds=32",)),
     their_heads=(),
     columns=(
@@ -41,15 +43,15 @@ REPRODUCTION = Reproduction(
     plotted=ALL_PARKED,
     assumptions=(
         "The lot is `gate`: one gate of 3.5 m between the start zone and two rows of 8 bays. All "
-        "cars start at once, in the zone before the gate; 30 % of the other bays are taken.",
+        "karts start at once, in the zone before the gate; 30 % of the other bays are taken.",
         "Parked is closer than 0.5 m for a second; all have 90 s. A round counts as stuck if time "
         "ran out for a car and none ran into anything: they wait for one another, or are slow.",
-        "Starts are those of single cars: a round has as many as there are cars in it. Each row "
-        "learns from as many decisions of cars, those of cars that wait for the others included.",
-        "PPO with its own reward leaves out what a car decides once it is done. PPO with the team "
-        "reward, the mean of all, learns on from cars that are done, until the last is: absorbing "
+        "Starts are those of single karts: a round has as many as there are karts in it. Each row "
+        "learns from as many decisions of karts, those of karts that wait for the others included.",
+        "PPO with its own reward leaves out what a kart decides once it is done. PPO with the team "
+        "reward, the mean of all, learns on from karts that are done, until the last is: absorbing "
         "states. MAPPO is the same with a critic that knows the state of the lot. MA-POCA has "
-        "the same reward, a critic that attends to the cars on their way, and a baseline for each "
+        "the same reward, a critic that attends to the karts on their way, and a baseline for each "
         "that knows the actions of the others.",
         "An exam draws other slots and starts than any training. The seeds of rows are the same.",
     ),

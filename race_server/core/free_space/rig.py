@@ -152,6 +152,12 @@ def only_trailer(vehicle: Vehicle) -> Trailer:
 
 
 @kernel
+def is_towing(rig: Rig) -> bool:
+    """Return whether there is a trailer: the front axle of a car has no body, see `rig_of_car`."""
+    return rig.drawing.half_length > 0.0
+
+
+@kernel
 def scale_of(bar: float) -> float:
     """Return how large ways are for a bar [m], against those of the usual one."""
     return bar / USUAL_BAR
