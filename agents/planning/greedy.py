@@ -1,7 +1,8 @@
 """Drives a vehicle to where its costs to go are least: what it does depends on its state alone.
 
-So the answer is the same whichever way the car came, and nearly the same a centimetre on. Those of
-a planner are not: of two paths that cost about the same it finds one here and the other a metre on.
+So the answer is the same whichever way the vehicle came, and nearly the same a centimetre on. Those
+of a planner are not: of two paths that cost about the same it finds one here and the other a metre
+on.
 """
 
 import math
@@ -118,18 +119,17 @@ def lead(guide: Guide, state: Towed, gear: int, top: float, rows: Floats) -> Lea
         return Lead(math.nan, math.nan)
     stride = STRIDE * found.grid.cell
     way = 1.0 if first.gear == AHEAD else -1.0
-    after, turn, strides = state, state.angle, 0
-    while strides < AHEAD_OF_IT and choice.gear == first.gear:
+    after, turn, left = state, state.angle, 0.0
+    for strides in range(1, AHEAD_OF_IT + 1):
         after = state_after(found, rig, after, choice.share, way * stride)
-        strides += 1
         if strides == 1 or strides * stride <= STEERED * found.scale:
             turn = after.curvature if is_towing(rig) else after.angle
         before = choice.cost
         choice = choose(guide, after, first.gear)
-        if choice.cost > before:
+        if choice.cost > before or choice.gear != first.gear:
             break  # nothing is gained by going on
-    turns_then = 1 if strides < AHEAD_OF_IT else 0
-    return Lead(way * _pace(stride * (strides - turns_then), top), turn)
+        left = stride * strides
+    return Lead(way * _pace(left, top), turn)
 
 
 @kernel

@@ -26,12 +26,11 @@ ALIKE, NEXT = 1e-3, 1.1
 
 
 def guide_to(
-    lots: Lots, walls: Walls, number: int, slot: int, vehicle: Vehicle, cell: float, reach: float
+    lots: Lots, walls: Walls, number: int, slot: int, vehicle: Vehicle, cell: float
 ) -> Guide:
     """Return what is known on the way to a slot.
 
-    number: of the lot; slot: its number in the lot; cell: side of a cell [m] for the usual bar;
-    reach: how far they reach around the slot [m], for the same.
+    number: of the lot; slot: its number in the lot; cell: side of a cell [m] for the usual bar.
     """
     segments, others = _around(lots, walls, number, slot)
     corners = segments.reshape(-1, 2)
@@ -56,40 +55,17 @@ def guide_to(
         rate=TOWED_RATE * rig.bend if vehicle.trailers else RATE,
         cusp=CUSP * scale_of(rig.bar),
         cell=cell,
-        reach=reach,
         ends=backing_in(obstacles, rig, goal) if vehicle.trailers else None,
     )
     return Guide(costs, obstacles, rig, goal)
 
 
 def _around(lots: Lots, walls: Walls, number: int, slot: int) -> tuple[Floats, Floats]:
-    """Return walls (P, 4) and boxes (B, 6) around a slot, as if all others were occupied.
-
-    Where vehicles come from such slots those are lanes instead, which lead out straight.
-    """
-    site, lot = walls.sites[number], lots.lots[number]
+    """Return walls (P, 4) and boxes (B, 6) around a slot, as if all others were occupied."""
+    site = walls.sites[number]
     first = int(site["wall_start"])
     segments = walls.segments[first : first + int(site["wall_count"])]
-    others = standing_in(lots, lot, slot)
-    if lot["from_slots"]:
-        return np.concatenate([segments, _sides_of(lots, lot)]), others[:0]
-    return segments, others
-
-
-def _sides_of(lots: Lots, lot: Record) -> Floats:
-    """Return the long sides of all slots of a lot, (P, 4), as long as what may stand in them."""
-    first = int(lot["slot_start"])
-    slots = lots.slots[first : first + int(lot["slot_count"])]
-    along = np.stack([np.cos(slots["heading"]), np.sin(slots["heading"])], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) * 0.5 * slots["width"][:, None]
-    middles = np.stack([slots["x"], slots["y"]], axis=1)
-    half = 0.5 * float(lot["taken_length"])
-    ends = [
-        np.concatenate([middles + side - half * along, middles + side + half * along], axis=1)
-        for side in (across, -across)
-    ]
-    # Neighbours share one.
-    return np.unique(np.round(np.concatenate(ends), 6), axis=0)
+    return segments, standing_in(lots, lots.lots[number], slot)
 
 
 def alike_slots(lots: Lots, walls: Walls, number: int, vehicle: Vehicle) -> list[list[int]]:

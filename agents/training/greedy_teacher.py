@@ -13,7 +13,7 @@ from race_agents.planning.greedy import Guide, lead_all
 from race_agents.planning.guides import alike_slots, guide_to
 from race_agents.training.lines import Say
 from race_agents.training.lot_teacher import Labels, LotTeacher
-from race_server.core.free_space.state_costs import CELL, REACH
+from race_server.core.free_space.state_costs import CELL
 from race_server.envs.actions import CRAWLED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.parking.heuristics.atlas import check_lot, goal_in
@@ -22,12 +22,10 @@ from race_server.envs.parking.heuristics.atlas import check_lot, goal_in
 class GreedyTeacher(LotTeacher):
     """Knows what the vehicle of every world of a batch is to do."""
 
-    def __init__(
-        self, batch: Batch, say: Say = lambda _: None, *, cell: float = CELL, reach: float = REACH
-    ) -> None:
+    def __init__(self, batch: Batch, say: Say = lambda _: None, *, cell: float = CELL) -> None:
         """Find the costs to go to the slots of all lots.
 
-        cell: side of a cell [m] for the usual bar; reach: how far they reach around a slot [m].
+        cell: side of a cell [m] for the usual bar.
 
         Raises:
             ScenarioError: the vehicles do not learn alone, have other actions than a speed and
@@ -47,7 +45,7 @@ class GreedyTeacher(LotTeacher):
                 say(f"costs to go to slots: {done} of {len(rows)}")
                 self._rows[int(lot["slot_start"]) + np.array(row)] = len(self._guides)
                 middle = row[len(row) // 2]
-                guide = guide_to(lots, world.walls, number, middle, self._vehicle, cell, reach)
+                guide = guide_to(lots, world.walls, number, middle, self._vehicle, cell)
                 self._guides.append(guide)
         self._controls = np.zeros((batch.worlds, 2))
         self._work = np.zeros((MOST_STEPS, 3))

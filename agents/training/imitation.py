@@ -66,7 +66,7 @@ class School:
         if wanted.teacher != PLANNER:
             self.teacher = Teacher(wanted, self.batch)
         else:
-            self.teacher = GreedyTeacher(self.batch, say, cell=wanted.cell, reach=wanted.reach)
+            self.teacher = GreedyTeacher(self.batch, say, cell=wanted.cell)
         self.karts = self.batch.worlds * self.batch.learners
         self._begun = np.ones((self.batch.worlds, self.batch.learners), np.bool_)
 

@@ -9,7 +9,7 @@ from race_agents.training.parking_settings import HurlSettings, ParkingSettings
 from race_agents.training.policy_settings import PolicySettings
 from race_agents.training.settings_table import Table
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.free_space.state_costs import CELL, REACH
+from race_server.core.free_space.state_costs import CELL
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
@@ -206,8 +206,7 @@ class WarmStart(Table):
     teacher_keeps: float = Field(default=0.0, ge=0.0, le=1.0)  # the least share; not none
     stretch: int = Field(default=1, ge=1)  # decisions in a row that one of both drives, on average
     # Of the planner for cars: side of the cells [m] of its costs to go, for a wheelbase of 7.7 m.
-    cell: float = Field(default=CELL, ge=0.2, le=3.0)
-    reach: float = Field(default=REACH, gt=0.0)  # [m] of them around a slot, for the same
+    cell: float = Field(default=CELL, ge=0.2, le=1.0)
     caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
     margin: float | None = Field(default=None, ge=0.0)  # [m] of its line; None: as in a race
     noise: float = Field(default=0.05, ge=0.0)  # standard deviation of what is driven

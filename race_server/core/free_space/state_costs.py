@@ -33,8 +33,7 @@ from race_server.kept_file import keep
 
 # Angles of the wheels of a car and at a hitch, and side of a cell [m] for the usual bar.
 ANGLES, HITCHED, CELL = 5, 7, 0.5
-# How far around the goal cells reach [m] for the usual bar, unless said; beyond, the way to them is
-# added.
+# How far around the goal cells reach [m] for the usual bar; beyond, the way to them is added.
 REACH = 25.0
 # Cost [m] for the usual bar of standing askew at the goal by a cell or a heading, the most of them
 # with which it still counts as standing there, and the cost, in cells, of standing before or behind
@@ -54,17 +53,16 @@ def find_state_costs(
     rate: float,
     cusp: float,
     cell: float = CELL,
-    reach: float = REACH,
     ends: Ends | None = None,
 ) -> StateCosts:
     """Return the costs to go to a pose of the last axle.
 
     rig: with a trailer, or a car, see `rig_of_car`; rate: greatest change of the angle [rad/m];
-    cusp: cost of a change of direction [m]; cell: side of a cell [m] for the usual bar; reach: see
-    REACH; ends: none for those of cells at the goal.
+    cusp: cost of a change of direction [m]; cell: side of a cell [m] for the usual bar; ends: none
+    for those of cells at the goal.
     """
     scale = scale_of(rig.bar)
-    grid = goal_cells(obstacles.grid, goal, cell * scale, reach=reach * scale)
+    grid = goal_cells(obstacles.grid, goal, cell * scale, reach=REACH * scale)
     shape = (2, HITCHED if is_towing(rig) else ANGLES, TURNS, grid.rows, grid.columns)
     costs = np.full(shape, BLOCKED, np.float32)
     found = StateCosts(grid, costs, rig.sharpest, rate, cusp, scale)
@@ -81,7 +79,6 @@ def kept_state_costs(
     rate: float,
     cusp: float,
     cell: float = CELL,
-    reach: float = REACH,
     ends: Ends | None = None,
 ) -> StateCosts:
     """Return the same as `find_state_costs`, kept in the cache: it takes ten seconds and more."""
@@ -89,14 +86,14 @@ def kept_state_costs(
     sources = [__file__, inspect.getfile(sweep_all), inspect.getfile(StateCosts)]
     for source in [*sources, *([inspect.getfile(ends)] if ends is not None else [])]:
         known.update(Path(source).read_bytes())
-    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell, reach]
+    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell]
     for part in (np.array(numbers), obstacles.walls, obstacles.boxes):
         known.update(part.tobytes())
     path = cache_root() / "ways" / f"states-{known.hexdigest()[:24]}.npz"
     found = _read(path)
     if found is None:
         made = found = find_state_costs(
-            obstacles, rig, goal, rate=rate, cusp=cusp, cell=cell, reach=reach, ends=ends
+            obstacles, rig, goal, rate=rate, cusp=cusp, cell=cell, ends=ends
         )
         numbers = [*made.grid, *made[2:]]
         keep(path, lambda file: np.savez_compressed(file, costs=made.costs, numbers=numbers))
