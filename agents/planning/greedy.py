@@ -19,11 +19,11 @@ from race_server.core.free_space.states import (
     cost_to_go,
     state_after,
 )
-from race_server.core.kernels.boxes import Hull, hull_of
+from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.geometry import Pose, clip, cos_sin, seen_from
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.trailers import axle_pose, hitch_angle
-from race_server.core.rules.parking import judged_box, stand_in, turned_half
+from race_server.core.rules.parking import judged_box, stand_of, turned_half
 from race_server.core.state import Floats, Ints, Record, Records
 
 # What is tried: shares of the greatest rate at which the angle changes, the most strides, and how
@@ -133,13 +133,17 @@ def lead(guide: Guide, state: Towed, gear: int, top: float, rows: Floats) -> Lea
 
 
 @kernel
-def is_settled(parker: Record, hull: Hull, share: float) -> bool:
-    """Return whether a body stands well enough in its slot. parker: PARKER; share: see SETTLED."""
-    stand = stand_in(parker, hull)
+def is_settled(parker: Record, vehicle: Record, body: Record, share: float) -> bool:
+    """Return whether a body stands well enough in its slot.
+
+    parker: PARKER; vehicle: VEHICLE; body: BODY; share: see SETTLED.
+    """
+    number = judged_box(parker, vehicle)
+    stand = stand_of(parker, vehicle, body, number)
     along = parker.along if parker.along > 0.0 else parker.within
     across = parker.across if parker.across > 0.0 else parker.within
     if parker.fits:
-        half_along, half_across = turned_half(hull, stand.turn)
+        half_along, half_across = turned_half(hull_of(vehicle, body, number), stand.turn)
         along = min(along, 0.5 * parker.length - half_along)
         across = min(across, 0.5 * parker.width - half_across)
     is_near = abs(stand.along) < share * along and abs(stand.across) < share * across
@@ -179,8 +183,7 @@ def lead_all(
         most = max(STEERED * guide.costs.scale / late, SLOW)
         speed = clip(told.speed, -min(most, vehicle.reverse_speed), min(most, vehicle.top_speed))
         turns_round = (told.speed < 0.0) != (gear == BACK)
-        hull = hull_of(vehicle, body, judged_box(parker, vehicle))
-        if is_settled(parker, hull, KEPT if turns_round else SETTLED):
+        if is_settled(parker, vehicle, body, KEPT if turns_round else SETTLED):
             speed = 0.0
         is_known = told.speed == told.speed
         controls[w, 0] = speed if is_known else math.nan

@@ -21,7 +21,6 @@ from race_server.core.free_space.states import (
     StateCosts,
     cost_to_go,
 )
-from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import Vehicle
@@ -135,9 +134,8 @@ def test_a_car_stops_well_within_its_level_and_stays_where_it_is_just_within(
     stops, stays = [], []
     for aside in (0.09, 0.13, 0.16):  # of 0.15 m
         body["x"] = goal.x - aside
-        hull = hull_of(vehicle, body, 0)
-        stops.append(is_settled(parker, hull, SETTLED))
-        stays.append(is_settled(parker, hull, KEPT))
+        stops.append(is_settled(parker, vehicle, body, SETTLED))
+        stays.append(is_settled(parker, vehicle, body, KEPT))
     assert (stops, stays) == ([True, False, False], [True, True, False])
 
 
