@@ -11,7 +11,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 
@@ -27,6 +27,8 @@ STEADY_S = 60.0
 FAILED = 70
 # Ends without a signal after which a process is replaced.
 _ENDS = {FAILED: "ended by an exception", HUNG: "ended: its loop hung"}
+# What asks a process to end.
+_ASKS = (signal.SIGINT, signal.SIGTERM)
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
@@ -52,10 +54,13 @@ def supervised(
     quick, past = 0, Past()
     while True:
         begun = time.monotonic()
+        # What asks before this process listens is heard then, and does not end it alone.
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, _ASKS)
         child = os.fork()
         if child == 0:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
             _work_and_exit(partial(work, past))
-        status, asked = _wait_for(child)
+        status, asked = _wait_for(child, heard)
         code = os.waitstatus_to_exitcode(status)
         on_end(code)
         if asked or (code >= 0 and code not in _ENDS):
@@ -91,8 +96,11 @@ def _work_and_exit(work: Callable[[], int]) -> None:
         os._exit(code)
 
 
-def _wait_for(child: int) -> tuple[int, bool]:
-    """Return the status of a child that has ended, and whether it had been asked to."""
+def _wait_for(child: int, heard: Collection[int]) -> tuple[int, bool]:
+    """Return the status of a child that has ended, and whether it had been asked to.
+
+    heard: signals that are blocked as soon as this listens, as they were before.
+    """
     asked: list[int] = []
 
     def pass_on(number: int, _frame: object) -> None:
@@ -100,7 +108,8 @@ def _wait_for(child: int) -> tuple[int, bool]:
         os.kill(child, signal.SIGKILL if asked else number)
         asked.append(number)
 
-    before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, pass_on) for number in _ASKS}
+    signal.pthread_sigmask(signal.SIG_SETMASK, heard)
     try:
         _, status = os.waitpid(child, 0)
     finally:
