@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from race_agents.planning.backing_in import backing_in
+from race_agents.planning.greedy import SETTLED, is_settled
 from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.imitation import School
 from race_agents.training.settings_toml import read_settings
@@ -23,9 +24,11 @@ from race_server.core.free_space.states import (
     state_after,
 )
 from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.trailers import axle_pose
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
+from race_server.envs.parking.heuristics.atlas import goal_in
 from race_server.envs.presets import parking_task
 
 LORRY = vehicle_named("lorry-16m5")
@@ -117,6 +120,21 @@ def test_a_lorry_that_does_what_the_teacher_says_docks(tmp_path: Path) -> None:
         if batch.terminated.all():
             break
     assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
+
+
+def test_a_lorry_is_settled_where_its_trailer_stands_in_its_place(tmp_path: Path) -> None:
+    world = yard(tmp_path).world
+    body, vehicle, parker = world.bodies[0, 0], world.vehicles[0, 0], world.parking.parkers[0, 0]
+    goal = goal_in(world.parking.lots.slots[0], LORRY)  # it points to the north
+    body.heading = body.trailers[0].heading = goal.heading
+    body.x = goal.x
+    body.y += goal.y - axle_pose(body, vehicle, 1).y
+    settled = []
+    for along in (0.0, 0.1, 0.11):  # of 0.15 m it asks for 0.7
+        body.y += along
+        settled.append(is_settled(parker, vehicle, body, SETTLED))
+        body.y -= along
+    assert settled == [True, True, False]
 
 
 @pytest.mark.slow

@@ -6,19 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_agents.planning.greedy import KEPT, SETTLED, choose, is_settled
+from race_agents.planning.greedy import KEPT, SETTLED, Guide, choose, is_settled
 from race_agents.planning.guides import alike_slots
 from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.imitation import School
 from race_agents.training.settings_toml import read_settings
 from race_server.core.free_space.ground import NO_BOXES, Ground
-from race_server.core.free_space.rig import Rig, Towed, rig_of_car
+from race_server.core.free_space.rig import Towed, rig_of_car
 from race_server.core.free_space.state_costs import find_state_costs
 from race_server.core.free_space.states import (
     AHEAD,
     BACK,
     UNKNOWN,
-    StateCosts,
     cost_to_go,
 )
 from race_server.core.kernels.geometry import Pose
@@ -48,24 +47,24 @@ WALLS = np.array(
 
 
 @cache
-def bay() -> tuple[Rig, StateCosts]:
-    """Return a car, and what its states cost on the way to the bay."""
+def bay() -> Guide:
+    """Return what is known of a car on the way to the bay."""
     rig = rig_of_car(CAR, 0.08, 0.98)
     corner, other = Pose(-1.2, -5.0, 0.0), Pose(9.6, 5.0, 0.0)
     obstacles = Ground().obstacles(corner, other, WALLS, NO_BOXES, reach=0.5, near=2.0)
-    return rig, find_state_costs(obstacles, rig, GOAL, rate=1.0, cusp=2.0)
+    costs = find_state_costs(obstacles, rig, GOAL, rate=1.0, cusp=2.0)
+    return Guide(costs, obstacles, rig, GOAL)
 
 
 def cost(x: float, y: float, degrees: float = 0.0, gear: int = BACK) -> float:
     towed = Towed(x, y, np.radians(degrees), 0.0, 0.0)
-    return cost_to_go(bay()[1], GOAL, towed, gear)
+    return cost_to_go(bay().costs, GOAL, towed, gear)
 
 
 @pytest.mark.slow
 def test_straight_before_its_place_a_car_has_only_to_reverse() -> None:
     assert cost(3.0, 0.0) == pytest.approx(3.0, abs=0.5)
-    rig, found = bay()
-    assert choose(found, rig, GOAL, Towed(3.0, 0.0, 0.0, 0.0, 0.0), BACK)[:2] == (BACK, 0.0)
+    assert choose(bay(), Towed(3.0, 0.0, 0.0, 0.0, 0.0), BACK)[:2] == (BACK, 0.0)
 
 
 def test_to_turn_round_first_costs_a_change_of_direction() -> None:
