@@ -75,7 +75,7 @@ def alike_slots(lots: Lots, walls: Walls, number: int, vehicle: Vehicle) -> list
     they are those around which everything stands alike, such as at the other end of a lot.
     """
     if not vehicle.trailers:
-        return rows_of(lots, number)
+        return _rows_of(lots, number)
     found = dict[bytes, list[int]]()
     for slot in range(int(lots.lots[number]["slot_count"])):
         found.setdefault(_surroundings(lots, walls, number, slot), []).append(slot)
@@ -105,7 +105,7 @@ def _surroundings(lots: Lots, walls: Walls, number: int, slot: int) -> bytes:
     return size.tobytes() + b"".join(part[np.lexsort(part.T)].tobytes() for part in parts)
 
 
-def rows_of(lots: Lots, number: int) -> list[list[int]]:
+def _rows_of(lots: Lots, number: int) -> list[list[int]]:
     """Return the numbers of slots of one heading and size, side by side or one behind another."""
     first, rows = int(lots.lots[number]["slot_start"]), list[list[int]]()
     for slot in range(int(lots.lots[number]["slot_count"])):

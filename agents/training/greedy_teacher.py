@@ -12,14 +12,19 @@ from race_agents.planning.backing_in import MOST_STEPS
 from race_agents.planning.greedy import Guide, lead_all
 from race_agents.planning.guides import alike_slots, guide_to
 from race_agents.training.lines import Say
-from race_agents.training.lot_teacher import Labels, LotTeacher
 from race_server.core.free_space.state_costs import CELL
 from race_server.envs.actions import CRAWLED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.parking.heuristics.atlas import check_lot, goal_in
+from race_server.errors import ScenarioError
+
+Labels = NDArray[np.float32]
+
+# Kinds of actions that it answers with: a speed and steering each.
+ANSWERS = ("dock", "crawl")
 
 
-class GreedyTeacher(LotTeacher):
+class GreedyTeacher:
     """Knows what the vehicle of every world of a batch is to do."""
 
     def __init__(self, batch: Batch, say: Say = lambda _: None, *, cell: float = CELL) -> None:
@@ -31,7 +36,17 @@ class GreedyTeacher(LotTeacher):
             ScenarioError: the vehicles do not learn alone, have other actions than a speed and
                 steering, or a lot has no slots, or draws blocks.
         """
-        super().__init__(batch, "dock", "crawl")
+        if batch.task.action not in ANSWERS:
+            raise ScenarioError(
+                f"action = {batch.task.action!r}: a teacher in a lot answers with a speed and "
+                f"steering; choose {' or '.join(map(repr, ANSWERS))}"
+            )
+        if batch.learners != 1:
+            raise ScenarioError(
+                f"race.learners = {batch.learners}: a teacher in a lot has one vehicle in each; "
+                "choose 1"
+            )
+        self._batch, self._vehicle = batch, batch.scenarios[0].vehicle_of(0)
         self._kind = action_kind(batch.task.action)
         world = batch.world
         lots = world.parking.lots
@@ -51,7 +66,10 @@ class GreedyTeacher(LotTeacher):
         self._work = np.zeros((MOST_STEPS, 3))
 
     def labels(self, seen: NDArray[np.float32], begun: NDArray[np.bool_]) -> Labels:
-        """Return the actions that lead to where the costs to go are less."""
+        """Return the actions that lead to where the costs to go are less, shape (W, 2).
+
+        They are not numbers where it knows none. seen, begun: are not needed.
+        """
         del seen, begun
         world, vehicle, controls = self._batch.world, self._vehicle, self._controls
         parkers = world.parking.parkers
@@ -74,3 +92,6 @@ class GreedyTeacher(LotTeacher):
         if self._kind == CRAWLED:
             shares = np.copysign(np.sqrt(np.abs(shares)), shares)
         return np.stack([shares, controls[:, 1]], axis=1).astype(np.float32)
+
+    def record_driven(self, actions: NDArray[np.float32]) -> None:
+        """Do nothing: it looks where the vehicles are."""

@@ -19,7 +19,6 @@ from race_agents.training.budget import Budget
 from race_agents.training.demonstrations import pairs_for
 from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.lines import Say, find_lines
-from race_agents.training.lot_teacher import LotTeacher
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.schedule import deviations
 from race_agents.training.settings import PLANNER, Settings, WarmStart
@@ -62,7 +61,7 @@ class School:
             after=after,
             threads=settings.threads,
         )
-        self.teacher: Teacher | LotTeacher
+        self.teacher: Teacher | GreedyTeacher
         if wanted.teacher != PLANNER:
             self.teacher = Teacher(wanted, self.batch)
         else:

@@ -205,7 +205,7 @@ class WarmStart(Table):
     teacher_drives: float = Field(default=0.125, ge=0.0, le=1.0)
     teacher_keeps: float = Field(default=0.0, ge=0.0, le=1.0)  # the least share; not none
     stretch: int = Field(default=1, ge=1)  # decisions in a row that one of both drives, on average
-    # Of the planner for cars: side of the cells [m] of its costs to go, for a wheelbase of 7.7 m.
+    # Of the planner: side of the cells [m] of its costs to go, for a wheelbase or bar of 7.7 m.
     cell: float = Field(default=CELL, ge=0.2, le=1.0)
     caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
     margin: float | None = Field(default=None, ge=0.0)  # [m] of its line; None: as in a race
