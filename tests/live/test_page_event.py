@@ -12,6 +12,7 @@ from race_server.competition.launch import free_address
 from race_server.competition.live_event import LiveEvent
 from race_server.core.driver import driver_named
 from race_server.live.server import LOCKSTEP, RaceServer
+from race_server.live.server.timing import ServerTiming
 from race_server.live.server.warm_up import warm_up
 from race_server.logs import Log
 from race_server.net.auth.token import local_token
@@ -29,7 +30,10 @@ ADA = 2  # the seat that a page has
 
 
 def hold(server: RaceServer, folder: Path) -> None:
-    """Hold a time trial of one attempt, once a page has its seat; it is under review to the end."""
+    """Hold a time trial of one attempt, once a page has its seat; it is under review to the end.
+
+    The page has nothing to drive with: soon after its start it counts as gone.
+    """
     stage = replace(TRIAL.stages[0], attempts=1)
     spec = replace(spec_of(folder, replace(TRIAL, stages=(stage,))), review_s=600.0)
     for seat, name in enumerate(DRIVERS):
@@ -37,7 +41,6 @@ def hold(server: RaceServer, folder: Path) -> None:
     server.lobby.wait_until(lambda: server.session.seats[ADA].is_taken)
     state = begin_event(server, spec, len(DRIVERS) + 1)
     if state is not None:
-        server.session.seats[ADA].is_present = False  # she does not come to her call
         LiveEvent(server, spec, state, Log(), lambda *_: None).run()
 
 
@@ -53,7 +56,9 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
         ServerLink(address, "race", seats) as link,
         gated(address) as served,
     ):
-        server = RaceServer(Session("race", scenario), link, LOCKSTEP, token=token)
+        timing = ServerTiming(answer_s=1.0)
+        session = Session("race", scenario)
+        server = RaceServer(session, link, LOCKSTEP, token=token, timing=timing)
         thread = threading.Thread(target=hold, args=(server, tmp_path))
         thread.start()
         try:

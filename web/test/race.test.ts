@@ -30,6 +30,17 @@ test('after a race the lobby is seen again, though nothing drives there', () => 
   expect(race.headline?.phase).toBe(Phase.COUNTDOWN);
 });
 
+test('a snapshot that comes after the lobby of its race does not bring the race back', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take(table({ phase: Phase.LOBBY }), 10);
+  race.take(snapshot({ tick: 901 }), 20);
+  expect(race.headline?.phase).toBe(Phase.LOBBY);
+  race.take(table({ phase: Phase.RUNNING }), 30); // a server that goes on with that race
+  race.take(snapshot({ tick: 902 }), 40);
+  expect(race.headline?.phase).toBe(Phase.RUNNING);
+});
+
 test('events of a server that was started anew are told, though they count from one again', () => {
   const race = new Race();
   race.take(snapshot({ tick: 900 }), 0);

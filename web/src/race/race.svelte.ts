@@ -90,6 +90,7 @@ export class Race {
   rays: RaysFrame | null = null;
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
+  private over = -1; // epoch of the race whose lobby this is
   private told = -1; // epoch of the events
   private lastTold = 0; // number of the newest alert: below zero, where events have none
   private readMs = -Infinity;
@@ -243,6 +244,7 @@ export class Race {
   }
 
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {
+    if (frame.epoch === this.over) return; // standings may overtake the last snapshots of a race
     const last = this.buffer.newest;
     const isBack = last !== null && frame.tick < last.tick - 1;
     if (frame.epoch !== this.epoch || isBack) {
@@ -290,7 +292,9 @@ export class Race {
 
   private takeStandings(frame: StandingsFrame): void {
     this.standings = frame;
-    if (frame.phase === Phase.LOBBY) this.clearTrack(frame.epoch);
+    const inLobby = frame.phase === Phase.LOBBY;
+    this.over = inLobby ? frame.epoch : -1;
+    if (inLobby) this.clearTrack(frame.epoch);
     const { newest } = this.buffer;
     if (newest) this.makeRows(newest, this.readMs); // the last standings follow the last snapshot
     else {
