@@ -1,9 +1,10 @@
 """`race exam`: what drivers can do, counted over many tasks."""
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +26,7 @@ from race_server.terminal import Console, TextColumn
 if TYPE_CHECKING:
     from race_server.competition.parking_exam import ExamSpec
     from race_server.competition.parking_rounds import RoundTally
+    from race_server.envs.reality_gap import RealityGap
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
@@ -78,6 +80,13 @@ class ParkingOptions:
     noise: Annotated[float, typer.Option(min=0.0, help="Noise of radar and lidar ranges [m].")] = (
         0.01
     )
+    gap: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Make the vehicle another one than its driver takes it for: FACTOR=VALUE, such as "
+            "steering_play=0.05, hitch=1.1, mass=1.2; may be repeated."
+        ),
+    ] = None
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw failures and times into this .png or .svg file."),
@@ -155,11 +164,13 @@ def _examine_and_tell(options: ParkingOptions) -> None:
         raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
     if options.plot is not None:
         check_picture(options.plot)
-    if options.record is not None and options.delay_s:
+    if options.record is not None and (options.delay_s or options.gap):
+        given = ",".join(options.gap or ["none"])
         raise ScenarioError(
-            f"--delay-s {options.delay_s:g}: failures are recorded in sessions, which delay no "
-            "controls; leave out --delay-s or --record"
+            f"--delay-s {options.delay_s:g} --gap {given}: failures are recorded in sessions, "
+            "which have neither; leave both out, or --record"
         )
+    gap = _gap_of(options.gap or [])
     specs = [
         ExamSpec(
             scenario,
@@ -170,6 +181,7 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             limit_s=options.limit_s,
             delay_s=options.delay_s,
             noise=options.noise,
+            gap=gap,
         )
         for scenario in scenarios
     ]
@@ -191,6 +203,32 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             highlight=False,
             soft_wrap=True,
         )
+
+
+def _gap_of(asked: Sequence[str]) -> "RealityGap":
+    """Return the gap of texts such as mass=1.2.
+
+    Raises:
+        ScenarioError: a text has another form, the factor is unknown, or a delay.
+    """
+    from race_server.envs.reality_gap import FACTORS, RealityGap
+
+    names = [name for name, factor in FACTORS.items() if not factor.is_whole]
+    gap = RealityGap()
+    for text in asked:
+        name, _, value = text.partition("=")
+        try:
+            factor = float(value)
+        except ValueError:
+            factor = math.nan
+        if name not in names or not math.isfinite(factor):
+            raise ScenarioError(
+                f"--gap {text}: give FACTOR=VALUE, such as hitch=1.1; factors are "
+                f"{', '.join(names)}"
+            )
+        gap = replace(gap, **{name: (factor, factor)})
+    gap.ranges()
+    return gap
 
 
 def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:

@@ -65,6 +65,7 @@ class Result:
             "vehicles": self.spec.vehicles,
             "delay_s": self.spec.delay_s,
             "noise": self.spec.noise,
+            "gap": self.spec.gap.changed(),
             **asdict(self.tally),
             "time_ratio_median": _median(self.ratios("time_s")),
             "path_ratio_median": _median(self.ratios("path_m")),

@@ -17,6 +17,7 @@ from race_server.core.free_space.states import (
     UNKNOWN,
     StateCosts,
     cost_to_go,
+    is_among,
     state_after,
 )
 from race_server.core.kernels.boxes import hull_of
@@ -57,7 +58,8 @@ class Choice(NamedTuple):
 class Guide(NamedTuple):
     """What is known on the way to a slot."""
 
-    costs: StateCosts
+    costs: StateCosts  # around the slot
+    far: StateCosts  # over all of a lot, by coarser cells; where there are none, those around it
     obstacles: Obstacles
     rig: Rig
     goal: Pose  # of the last axle
@@ -72,10 +74,23 @@ class Lead(NamedTuple):
     turn: float
 
 
+@kernel
+def known_at(guide: Guide, state: Towed) -> StateCosts:
+    """Return the costs that say most of a state."""
+    return guide.costs if is_among(guide.costs, guide.goal, state) else guide.far
+
+
+@kernel
+def cost_from(guide: Guide, state: Towed, gear: int) -> float:
+    """Return the cost to go [m] of a state that drives on AHEAD or BACK, UNKNOWN without a way."""
+    cost = cost_to_go(known_at(guide, state), guide.goal, state, gear)
+    return cost if cost < UNKNOWN else cost_to_go(guide.far, guide.goal, state, gear)
+
+
 @large_kernel
 def choose(guide: Guide, state: Towed, gear: int) -> Choice:
     """Return what costs least. gear: AHEAD or BACK, in which the vehicle came."""
-    found, rig, goal = guide.costs, guide.rig, guide.goal
+    found, rig = known_at(guide, state), guide.rig
     best = Choice(gear, 0.0, math.inf)
     stride = STRIDE * found.grid.cell
     for chosen in range(2):
@@ -86,8 +101,8 @@ def choose(guide: Guide, state: Towed, gear: int) -> Choice:
                 after = state_after(
                     found, rig, after, share, stride if chosen == AHEAD else -stride
                 )
-                on = cost_to_go(found, goal, after, chosen)
-                on = min(on, cost_to_go(found, goal, after, 1 - chosen) + found.cusp)
+                on = cost_from(guide, after, chosen)
+                on = min(on, cost_from(guide, after, 1 - chosen) + found.cusp)
                 cost = on + stride * count + turning
                 if cost < best.cost:
                     best = Choice(chosen, share, cost)
@@ -109,7 +124,7 @@ def lead(guide: Guide, state: Towed, gear: int, top: float, rows: Floats) -> Lea
     gear: AHEAD or BACK, in which the vehicle came; top: most speed [m/s]; rows: work space, see
     `way_in`.
     """
-    found, rig = guide.costs, guide.rig
+    found, rig = known_at(guide, state), guide.rig
     first = choice = choose(guide, state, gear)
     if is_towing(rig):
         left = abs(way_in(guide.obstacles, rig, state, guide.goal, -1.0, rows))

@@ -1,16 +1,19 @@
 """What is known on the way to each slot of a lot, and which slots know the same."""
 
+import math
+from functools import partial
+
 import numpy as np
 
 from race_agents.planning.backing_in import backing_in
 from race_agents.planning.greedy import Guide
-from race_server.core.free_space.ground import Ground
+from race_server.core.free_space.ground import NO_BOXES, Ground
 from race_server.core.free_space.obstacles import PASSING, cover_radius
 from race_server.core.free_space.rig import rig_of, rig_of_car, scale_of
 from race_server.core.free_space.state_costs import kept_state_costs
 from race_server.core.kernels.geometry import Pose, seen_from
 from race_server.core.lots import Lots
-from race_server.core.state import Floats, Record, Walls
+from race_server.core.state import Floats, Record, Records, Walls
 from race_server.core.vehicles import Vehicle
 from race_server.envs.parking.heuristics.atlas import goal_in, standing_in
 
@@ -21,6 +24,8 @@ CUSP = 6.0  # [m] cost of a change of direction for the usual bar
 # How fast the front wheels turn [rad/m]: by 0.5 rad/s at 0.5 m/s. The angle at a hitch changes by
 # twice the curvature of the tightest bend, which holds up its own fall, too.
 RATE, TOWED_RATE = 1.0, 2.0
+# Cells over all of a lot are so many times as large as those around the slot.
+FAR = 4.0
 # Difference [m], [rad] below which slots are alike, and lengths between those one behind another.
 ALIKE, NEXT = 1e-3, 1.1
 
@@ -48,24 +53,45 @@ def guide_to(
         reach=1.0,
         near=PASSING + max(cover_radius(rig.drawing), cover_radius(rig.drawn)),
     )
-    costs = kept_state_costs(
+    find = partial(
+        kept_state_costs,
         obstacles,
         rig,
         goal,
         rate=TOWED_RATE * rig.bend if vehicle.trailers else RATE,
         cusp=CUSP * scale_of(rig.bar),
-        cell=cell,
-        ends=backing_in(obstacles, rig, goal) if vehicle.trailers else None,
     )
-    return Guide(costs, obstacles, rig, goal)
+    ends = backing_in(obstacles, rig, goal) if vehicle.trailers else None
+    costs = find(cell=cell, ends=ends)
+    far = costs
+    if lots.lots[number]["from_slots"]:
+        far = find(cell=FAR * cell, reach=math.inf, finer=costs)
+    return Guide(costs, far, obstacles, rig, goal)
 
 
 def _around(lots: Lots, walls: Walls, number: int, slot: int) -> tuple[Floats, Floats]:
-    """Return walls (P, 4) and boxes (B, 6) around a slot, as if all others were occupied."""
-    site = walls.sites[number]
+    """Return walls (P, 4) and boxes (B, 6) around a slot, as if all others were occupied.
+
+    Where vehicles start in slots there are lanes in the place of boxes: the sides of all slots.
+    """
+    site, lot = walls.sites[number], lots.lots[number]
     first = int(site["wall_start"])
     segments = walls.segments[first : first + int(site["wall_count"])]
-    return segments, standing_in(lots, lots.lots[number], slot)
+    if lot["from_slots"]:
+        first = int(lot["slot_start"])
+        slots = lots.slots[first : first + int(lot["slot_count"])]
+        return np.concatenate([segments, _sides(slots)]), NO_BOXES
+    return segments, standing_in(lots, lot, slot)
+
+
+def _sides(slots: Records) -> Floats:
+    """Return the long sides of slots as walls, (2 S, 4)."""
+    ahead = np.stack([np.cos(slots["heading"]), np.sin(slots["heading"])], axis=1)
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) * 0.5 * slots["width"][:, None]
+    ahead *= 0.5 * slots["length"][:, None]
+    middle = np.stack([slots["x"], slots["y"]], axis=1)
+    both = [np.hstack([middle + side - ahead, middle + side + ahead]) for side in (aside, -aside)]
+    return np.concatenate(both)
 
 
 def alike_slots(lots: Lots, walls: Walls, number: int, vehicle: Vehicle) -> list[list[int]]:

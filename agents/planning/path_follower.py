@@ -38,8 +38,9 @@ CAP_SHARE = 0.9
 SPEED_GAIN = 4.0
 # Slowest speed on a path [m/s], until this way is left [m].
 CREEP, ARRIVED = 0.06, 0.005
-# The vehicle stands below this speed [m/s]; wheels have turned when this near to their angle [rad].
-STANDING, TURNED = 0.01, 0.01
+# The vehicle stands below this speed [m/s]; wheels have turned when this near to their angle [rad]:
+# with 2° of play they come no nearer than half of that.
+STANDING, TURNED = 0.01, 0.03
 
 # Columns of a track; LEFT: way to the end of the leg [m], LAST: number of its last point, ANGLE: at
 # the hitch [rad], 0 without a trailer.

@@ -5,6 +5,10 @@ to the same place, all slots but its own are taken for occupied where the lot ma
 whichever are: what the round has drawn there does not matter.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,12 +60,15 @@ class GreedyTeacher:
         for number, lot in enumerate(lots.lots):
             check_lot(lot, batch.scenarios[number].course.name, "a teacher in a lot")
             rows = alike_slots(lots, world.walls, number, self._vehicle)
-            for done, row in enumerate(rows, start=1):
-                say(f"costs to go to slots: {done} of {len(rows)}")
-                self._rows[int(lot["slot_start"]) + np.array(row)] = len(self._guides)
-                middle = row[len(row) // 2]
-                guide = guide_to(lots, world.walls, number, middle, self._vehicle, cell)
-                self._guides.append(guide)
+            for place, row in enumerate(rows, start=len(self._guides)):
+                self._rows[int(lot["slot_start"]) + np.array(row)] = place
+            say(f"costs to go to slots: 0 of {len(rows)}")
+            guided = partial(guide_to, lots, world.walls, number, vehicle=self._vehicle, cell=cell)
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                found = pool.map(guided, [row[len(row) // 2] for row in rows])
+                for done, guide in enumerate(found, start=1):
+                    say(f"costs to go to slots: {done} of {len(rows)}")
+                    self._guides.append(guide)
         self._controls = np.zeros((batch.worlds, 2))
         self._work = np.zeros((MOST_STEPS, 3))
 

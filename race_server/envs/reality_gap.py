@@ -64,6 +64,18 @@ class RealityGap:
     stiffness: Annotated[
         Range, _share("factor of the tyres' cornering stiffness: above 5 they hardly slip")
     ] = (1.0, 1.0)
+    hitch: Annotated[
+        Range, _share("factor of the distance from the vehicle's rear axle to its hitch")
+    ] = (1.0, 1.0)
+
+    def changed(self) -> dict[str, Range]:
+        """Return the factors that are not nominal, by name."""
+        nominal = RealityGap()
+        return {
+            name: getattr(self, name)
+            for name in FACTORS
+            if getattr(self, name) != getattr(nominal, name)
+        }
 
     def ranges(self) -> Floats:
         """Return low and high of every factor, shape (G, 2), those of delays as whole numbers.
@@ -91,7 +103,7 @@ FACTORS: Mapping[str, Factor] = MappingProxyType(
         for name, hint in get_type_hints(RealityGap, include_extras=True).items()
     }
 )
-ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP, STIFFNESS = range(8)
+ACTION_DELAY, OBSERVATION_DELAY, LAG, PLAY, SPEED, MASS, GRIP, STIFFNESS, HITCH = range(9)
 
 
 @kernel
@@ -117,6 +129,7 @@ def draw_gap(
     vehicle.yaw_inertia *= draws[MASS]
     vehicle.grip *= draws[GRIP]
     vehicle.cornering *= draws[STIFFNESS]
+    vehicle.trailers[0].hitch *= draws[HITCH]
 
 
 @kernel

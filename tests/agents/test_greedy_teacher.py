@@ -1,12 +1,12 @@
 """A teacher that knows the costs to go: its labels lead a car into its slot."""
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from race_agents.planning.greedy import KEPT, SETTLED, Guide, choose, is_settled
+from race_agents.planning.greedy import KEPT, SETTLED, Guide, choose, cost_from, is_settled
 from race_agents.planning.guides import alike_slots
 from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.imitation import School
@@ -19,6 +19,7 @@ from race_server.core.free_space.states import (
     BACK,
     UNKNOWN,
     cost_to_go,
+    is_among,
 )
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicle_presets import vehicle_named
@@ -53,7 +54,7 @@ def bay() -> Guide:
     corner, other = Pose(-1.2, -5.0, 0.0), Pose(9.6, 5.0, 0.0)
     obstacles = Ground().obstacles(corner, other, WALLS, NO_BOXES, reach=0.5, near=2.0)
     costs = find_state_costs(obstacles, rig, GOAL, rate=1.0, cusp=2.0)
-    return Guide(costs, obstacles, rig, GOAL)
+    return Guide(costs, costs, obstacles, rig, GOAL)
 
 
 def cost(x: float, y: float, degrees: float = 0.0, gear: int = BACK) -> float:
@@ -93,6 +94,25 @@ def test_finer_cells_cost_the_same_way_as_much() -> None:
     assert found.grid.cell == pytest.approx(0.0909, abs=1e-4)
     ahead = Towed(2.0, 0.0, 0.0, 0.0, 0.0)
     assert cost_to_go(found, GOAL, ahead, BACK) == pytest.approx(2.0, abs=0.5)
+
+
+def test_coarse_cells_lead_to_finer_ones_around_the_place_and_change_none_of_them() -> None:
+    known = bay()
+    found = partial(find_state_costs, known.obstacles, known.rig, GOAL, rate=1.0, cusp=2.0)
+    near = found(reach=8.0)  # 2.9 m for a car
+    far = found(cell=1.0, finer=near)
+    close, away = Towed(2.0, 0.0, 0.0, 0.0, 0.0), Towed(6.0, 0.0, 0.0, 0.0, 0.0)
+    assert is_among(near, GOAL, close)
+    assert not is_among(near, GOAL, away)
+    # 0.36 m a cell: two of them, and what is between.
+    assert cost_to_go(far, GOAL, close, BACK) == pytest.approx(
+        cost_to_go(near, GOAL, close, BACK), abs=0.3
+    )
+    assert cost_to_go(far, GOAL, away, BACK) == pytest.approx(6.0, abs=0.7)
+    guide = Guide(near, far, known.obstacles, known.rig, GOAL)
+    assert cost_from(guide, close, BACK) == cost_to_go(near, GOAL, close, BACK)
+    assert cost_from(guide, away, BACK) == cost_to_go(far, GOAL, away, BACK)
+    assert choose(guide, away, BACK)[:2] == (BACK, 0.0)
 
 
 # The same bay in a lot: its slot is reversed into from an aisle.

@@ -12,6 +12,7 @@ from race_server.core.driver import Briefing
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError, LotError, ScenarioError
 
 
@@ -71,6 +72,25 @@ def test_every_answer_but_the_first_is_timed() -> None:
 def test_who_cannot_park_is_refused_in_one_sentence() -> None:
     with pytest.raises(DriverError, match="'avoider' cannot park: it takes no order"):
         next(drive_exam(ExamSpec("1", [1]), "avoider"))
+
+
+def test_a_gap_makes_the_vehicle_another_one_than_its_driver_takes_it_for() -> None:
+    # A third of the power: the kart that goes straight ahead is not there in the same time.
+    weak = RealityGap(speed_coefficient=(0.3, 0.3))
+    times = [
+        next(drive_exam(ExamSpec("face-to-face", [1], gap=gap), "ahead", lambda _: Ahead()))
+        for gap in (RealityGap(), weak)
+    ]
+    assert times[0].figures["time_s"] < 0.8 * times[1].figures["time_s"]
+
+
+def test_a_gap_that_is_none_is_refused_with_the_factors_that_there_are() -> None:
+    for text in ("hitch", "hitch=far", "glue=2", "action_delay=1"):
+        told = CliRunner().invoke(app, ["trailer", "--gap", text])
+        assert isinstance(told.exception, ScenarioError)
+        assert f"--gap {text}: give FACTOR=VALUE" in str(told.exception)
+    told = CliRunner().invoke(app, ["trailer", "--gap", "hitch=1.1", "--record", "failures"])
+    assert "failures are recorded in sessions" in str(told.exception)
 
 
 def test_questions_that_make_no_task_are_refused() -> None:

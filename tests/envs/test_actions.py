@@ -1,6 +1,7 @@
 """What actions do, what is rewarded, and what a reality gap changes."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from race_server.core.vehicles import GRAVITY, vehicle_record
 from race_server.envs.actions import CRAWLED, MEMORY, PACED, Driven, discrete_table, read_action
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
-from race_server.envs.presets import time_trial_task
+from race_server.envs.presets import parking_task, time_trial_task
 from race_server.envs.racing.reward_terms import REWARDS, TERMS, reward_weights
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
@@ -137,6 +138,15 @@ def test_mass_grip_and_battery_are_drawn_for_each_episode_and_logged() -> None:
     batch.reset()
     assert batch.draws(0, 0) != draws[0]
     assert batch.world.vehicles["top_speed"].max() <= 0.6 * nominal.top_speed
+
+
+def test_a_hitch_is_as_far_behind_the_axle_as_the_gap_says() -> None:
+    task = parking_task("dock-35", action="dock")
+    batch = Batch(replace(task, gap=RealityGap(hitch=(1.1, 1.1))))
+    (nominal,) = batch.task.scenarios[0].vehicle_of(0).trailers
+    assert batch.world.vehicles[0, 0].trailers[0].hitch == pytest.approx(1.1 * nominal.hitch)
+    batch.reset()
+    assert batch.world.vehicles[0, 0].trailers[0].hitch == pytest.approx(1.1 * nominal.hitch)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Report on an articulated vehicle: three ways to use a heuristic."""
 
 from race_agents.reproductions.plan import Variant
-from race_agents.reproductions.report_c import table_of
+from race_agents.reproductions.report_c import SAC_ASSUMPTION, table_of
 
 _WORDS = {
     "difference": "d(s) - d(s'), as printed",
@@ -20,6 +20,7 @@ REPRODUCTION = table_of(
     *(_row(name, way) for name in ("euclid", "bfs", "hybrid") for way in _WORDS),
     finding="the difference alone",
     assumptions=(
+        SAC_ASSUMPTION,
         "The potential is that of Ng, Harada and Russell (1999), 0 at the end of an episode: it "
         "leaves the best policy as it is. The report's difference is this potential and a penalty "
         "of (1 - gamma) d(s') for each decision besides.",

@@ -2,7 +2,7 @@
 
 To land exactly in the slot is never certain between cells, so costs are too high, everywhere by a
 few metres. Where what states cost at the end is known in another way, those `Ends` take the place
-of what cells say.
+of what cells say. Where finer cells around the goal are known already, coarse ones lead there.
 """
 
 import hashlib
@@ -25,6 +25,8 @@ from race_server.core.free_space.states import (
     Costs,
     StateCosts,
     angle_of,
+    cost_to_go,
+    is_among,
 )
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
@@ -33,7 +35,8 @@ from race_server.kept_file import keep
 
 # Angles of the wheels of a car and at a hitch, and side of a cell [m] for the usual bar.
 ANGLES, HITCHED, CELL = 5, 7, 0.5
-# How far around the goal cells reach [m] for the usual bar; beyond, the way to them is added.
+# How far around the goal cells reach [m] for the usual bar, where not said; beyond, the way to them
+# is added.
 REACH = 25.0
 # Cost [m] for the usual bar of standing askew at the goal by a cell or a heading, the most of them
 # with which it still counts as standing there, and the cost, in cells, of standing before or behind
@@ -53,21 +56,28 @@ def find_state_costs(
     rate: float,
     cusp: float,
     cell: float = CELL,
+    reach: float = REACH,
     ends: Ends | None = None,
+    finer: StateCosts | None = None,
 ) -> StateCosts:
     """Return the costs to go to a pose of the last axle.
 
     rig: with a trailer, or a car, see `rig_of_car`; rate: greatest change of the angle [rad/m];
-    cusp: cost of a change of direction [m]; cell: side of a cell [m] for the usual bar; ends: none
-    for those of cells at the goal.
+    cusp: cost of a change of direction [m]; cell: side of a cell, and how far around the goal cells
+    reach, [m] for the usual bar; ends: none for those of cells at the goal; finer: costs of finer
+    cells around the goal, which take the place of ends.
     """
     scale = scale_of(rig.bar)
-    grid = goal_cells(obstacles.grid, goal, cell * scale, reach=REACH * scale)
+    grid = goal_cells(obstacles.grid, goal, cell * scale, reach=reach * scale)
     shape = (2, HITCHED if is_towing(rig) else ANGLES, TURNS, grid.rows, grid.columns)
     costs = np.full(shape, BLOCKED, np.float32)
     found = StateCosts(grid, costs, rig.sharpest, rate, cusp, scale)
     _survey(obstacles, rig, goal, found)
-    sweep_all(found, rig, (ends or _at_goal)(found))
+    if finer is None:
+        sweep_all(found, rig, (ends or _at_goal)(found))
+    else:
+        _take_over(finer, goal, found)
+        sweep_all(found, rig, np.full_like(costs, UNKNOWN))
     return found
 
 
@@ -79,21 +89,33 @@ def kept_state_costs(
     rate: float,
     cusp: float,
     cell: float = CELL,
+    reach: float = REACH,
     ends: Ends | None = None,
+    finer: StateCosts | None = None,
 ) -> StateCosts:
     """Return the same as `find_state_costs`, kept in the cache: it takes ten seconds and more."""
     known = hashlib.sha256()
     sources = [__file__, inspect.getfile(sweep_all), inspect.getfile(StateCosts)]
     for source in [*sources, *([inspect.getfile(ends)] if ends is not None else [])]:
         known.update(Path(source).read_bytes())
-    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell]
+    numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell, reach]
     for part in (np.array(numbers), obstacles.walls, obstacles.boxes):
         known.update(part.tobytes())
+    if finer is not None:
+        known.update(finer.costs.tobytes())
     path = cache_root() / "ways" / f"states-{known.hexdigest()[:24]}.npz"
     found = _read(path)
     if found is None:
         made = found = find_state_costs(
-            obstacles, rig, goal, rate=rate, cusp=cusp, cell=cell, ends=ends
+            obstacles,
+            rig,
+            goal,
+            rate=rate,
+            cusp=cusp,
+            cell=cell,
+            reach=reach,
+            ends=ends,
+            finer=finer,
         )
         numbers = [*made.grid, *made[2:]]
         keep(path, lambda file: np.savez_compressed(file, costs=made.costs, numbers=numbers))
@@ -127,6 +149,24 @@ def _survey(obstacles: Obstacles, rig: Rig, goal: Pose, found: StateCosts) -> No
                         continue
                     costs[AHEAD, number, turn, row, column] = UNKNOWN
                     costs[BACK, number, turn, row, column] = UNKNOWN
+
+
+@large_kernel
+def _take_over(finer: StateCosts, goal: Pose, found: StateCosts) -> None:
+    """Fill the costs of states that lie among finer cells."""
+    grid, costs = found.grid, found.costs
+    for turn in range(TURNS):
+        for row in range(grid.rows):
+            for column in range(grid.columns):
+                pose = cell_pose(grid, goal, row, column, turn, TURNS)
+                for number in range(costs.shape[1]):
+                    towed = Towed(pose.x, pose.y, pose.heading, angle_of(found, number), 0.0)
+                    if not is_among(finer, goal, towed):
+                        continue
+                    for gear in range(2):
+                        cost = cost_to_go(finer, goal, towed, gear)
+                        if costs[gear, number, turn, row, column] == UNKNOWN and cost < UNKNOWN:
+                            costs[gear, number, turn, row, column] = cost
 
 
 def _at_goal(found: StateCosts) -> Costs:

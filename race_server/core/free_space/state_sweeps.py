@@ -16,7 +16,6 @@ from race_server.core.free_space.rig import Rig, Towed
 from race_server.core.free_space.states import (
     AHEAD,
     BACK,
-    BLOCKED,
     DETOUR,
     LIGHT,
     TURNS,
@@ -49,6 +48,7 @@ class _Work(NamedTuple):
     steps: Floats  # (2, angles, TURNS, len(RATES), 4) see `_fill_steps`
     ends: Costs  # of the shape of the costs, see `Ends`
     onward: Costs  # the same, see `_choose_gears`
+    is_open: Flags  # of the shape of the costs: which of them are to be found
     changed: Flags  # (2, angles, TURNS, rows) where a cost of a row changed in the last sweep
     changes: Flags  # the same in this one
     known: Costs  # (columns,) share of what lies around the ends of steps from a row
@@ -58,12 +58,13 @@ class _Work(NamedTuple):
 
 
 def sweep_all(found: StateCosts, rig: Rig, ends: Costs) -> None:
-    """Find all costs. found: UNKNOWN where there is room; ends: costs where the end is known."""
+    """Find costs that are UNKNOWN; all others stay. ends: costs where the end is known."""
     shape = found.costs.shape
     work = _Work(
         np.zeros((*shape[:3], len(RATES), 4)),
         ends,
         np.zeros(shape, np.float32),
+        found.costs == UNKNOWN,
         np.ones(shape[:4], np.bool_),
         np.zeros(shape[:4], np.bool_),
         *np.zeros((4, shape[4]), np.float32),
@@ -142,8 +143,11 @@ def _sweep(found: StateCosts, work: _Work) -> None:
                     if _leads_on(steps, row, work.changed):
                         _cost_least(found, work, steps, gear, row)
                         _end_here(work.ends[gear, number, turn, row], work.least)
-                        changes = _take(work.least, found.costs[gear, number, turn, row])
-                        work.changes[gear, number, turn, row] = changes
+                        work.changes[gear, number, turn, row] = _take(
+                            work.least,
+                            work.is_open[gear, number, turn, row],
+                            found.costs[gear, number, turn, row],
+                        )
 
 
 @kernel
@@ -184,11 +188,11 @@ def _end_here(ends: Costs, least: Costs) -> None:
 
 
 @kernel
-def _take(least: Costs, costs: Costs) -> bool:
+def _take(least: Costs, is_open: Flags, costs: Costs) -> bool:
     """Put new costs in the place of those of a row, and return whether they are others."""
     changes = False
     for column in range(len(costs)):
-        if costs[column] != BLOCKED and abs(least[column] - costs[column]) > STILL:
+        if is_open[column] and abs(least[column] - costs[column]) > STILL:
             costs[column] = least[column]
             changes = True
     return changes

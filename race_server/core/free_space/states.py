@@ -73,6 +73,15 @@ def weight_of(corner: int, i: float, j: float, turn: float, angle: float) -> flo
 
 
 @kernel
+def is_among(found: StateCosts, goal: Pose, towed: Towed) -> bool:
+    """Return whether a state lies between middles of cells."""
+    grid = found.grid
+    seen = seen_from(goal, Pose(towed.x, towed.y, towed.heading))
+    across, along = (seen.y - grid.y0) / grid.cell - 0.5, (seen.x - grid.x0) / grid.cell - 0.5
+    return bool(0.0 <= across <= grid.rows - 1 and 0.0 <= along <= grid.columns - 1)
+
+
+@kernel
 def cost_to_go(found: StateCosts, goal: Pose, towed: Towed, gear: int) -> float:
     """Return the cost to go [m] of a state that drives on AHEAD or BACK, between cells.
 
