@@ -1,10 +1,9 @@
 """`race exam`: what drivers can do, counted over many tasks."""
 
-import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,7 +25,6 @@ from race_server.terminal import Console, TextColumn
 if TYPE_CHECKING:
     from race_server.competition.parking_exam import ExamSpec
     from race_server.competition.parking_rounds import RoundTally
-    from race_server.envs.reality_gap import RealityGap
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
@@ -157,6 +155,7 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     Raises:
         ScenarioError: no driver or lot is named, or the picture has another ending.
     """
+    from race_agents.commands.exam_gap import gap_of
     from race_server.competition.parking_exam import ExamSpec
 
     drivers, scenarios = known_drivers(options.drivers), names_in(options.scenario)
@@ -170,7 +169,7 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             f"--delay-s {options.delay_s:g} --gap {given}: failures are recorded in sessions, "
             "which have neither; leave both out, or --record"
         )
-    gap = _gap_of(options.gap or [])
+    gap = gap_of(options.gap or [])
     specs = [
         ExamSpec(
             scenario,
@@ -203,32 +202,6 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             highlight=False,
             soft_wrap=True,
         )
-
-
-def _gap_of(asked: Sequence[str]) -> "RealityGap":
-    """Return the gap of texts such as mass=1.2.
-
-    Raises:
-        ScenarioError: a text has another form, the factor is unknown, or a delay.
-    """
-    from race_server.envs.reality_gap import FACTORS, RealityGap
-
-    names = [name for name, factor in FACTORS.items() if not factor.is_whole]
-    gap = RealityGap()
-    for text in asked:
-        name, _, value = text.partition("=")
-        try:
-            factor = float(value)
-        except ValueError:
-            factor = math.nan
-        if name not in names or not math.isfinite(factor):
-            raise ScenarioError(
-                f"--gap {text}: give FACTOR=VALUE, such as hitch=1.1; factors are "
-                f"{', '.join(names)}"
-            )
-        gap = replace(gap, **{name: (factor, factor)})
-    gap.ranges()
-    return gap
 
 
 def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:

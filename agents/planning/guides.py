@@ -24,7 +24,7 @@ CUSP = 6.0  # [m] cost of a change of direction for the usual bar
 # How fast the front wheels turn [rad/m]: by 0.5 rad/s at 0.5 m/s. The angle at a hitch changes by
 # twice the curvature of the tightest bend, which holds up its own fall, too.
 RATE, TOWED_RATE = 1.0, 2.0
-# Cells over all of a lot are so many times as large as those around the slot.
+# Side of the cells over all of a lot, in cells around the slot.
 FAR = 4.0
 # Difference [m], [rad] below which slots are alike, and lengths between those one behind another.
 ALIKE, NEXT = 1e-3, 1.1

@@ -25,6 +25,7 @@ def test_every_draw_of_the_reality_gap_is_explained() -> None:
         "MASS",
         "GRIP",
         "STIFFNESS",
+        "HITCH",
     ]
     numbers = [getattr(reality_gap, name) for name in names]
     assert numbers == list(range(len(reality_gap.FACTORS)))

@@ -1,0 +1,32 @@
+"""`--gap` of an exam: the vehicle is another one than its driver takes it for."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from race_server.envs.reality_gap import FACTORS, RealityGap
+from race_server.errors import ScenarioError
+
+
+def gap_of(asked: Sequence[str]) -> RealityGap:
+    """Return the gap of texts such as mass=1.2.
+
+    Raises:
+        ScenarioError: a text has another form, the factor is unknown, or a delay.
+    """
+    names = [name for name, factor in FACTORS.items() if not factor.is_whole]
+    gap = RealityGap()
+    for text in asked:
+        name, _, value = text.partition("=")
+        try:
+            factor = float(value)
+        except ValueError:
+            factor = math.nan
+        if name not in names or not math.isfinite(factor):
+            raise ScenarioError(
+                f"--gap {text}: give FACTOR=VALUE, such as hitch=1.1; factors are "
+                f"{', '.join(names)}"
+            )
+        gap = replace(gap, **{name: (factor, factor)})
+    gap.ranges()
+    return gap
