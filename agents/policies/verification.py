@@ -35,8 +35,9 @@ EPISODE_S = 60.0
 SEED = 300_000  # far from those of training and evaluation
 # Opponents of a policy that observes other karts.
 OTHERS = ("follow_gap", "pure_pursuit", "avoider")
-# Largest difference between a policy file and its learner: rounding.
-MOST_DIFFERENCE = 1e-5
+# Largest difference between a policy file and its learner: rounding in single precision. Of layers
+# of 512, 256 and 128 the file was 9e-6 from the exact answer, and the learner 12e-6.
+MOST_DIFFERENCE = 2e-5
 WARM_UP = 200  # decisions that are not timed
 
 Rows = NDArray[np.float32]

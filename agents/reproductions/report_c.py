@@ -41,8 +41,8 @@ _COLUMNS = (
 _ASSUMPTIONS = (
     "The report gives neither sizes nor speeds of its vehicle, nor the length of a step, the "
     "actions, the number of steps, the critical angle of the hitch, or where its sensors look: "
-    "`lorry-off-axle`, decisions of 0.1 s, one pedal and the wheel, 240 s for an episode and the "
-    "14 feelers are our choice.",
+    "`lorry-off-axle`, 240 s for an episode, the 14 feelers, and, unless said below, decisions of "
+    "0.1 s, one pedal and the wheel are our choice.",
     "Its curves have no numbers: breadth-first search is best in mean return, success and length "
     "of episodes, Euclid's distance later and lower, succeeding only where nothing stands between, "
     "and without a heuristic it never arrives.",
