@@ -88,9 +88,9 @@ def table_of(
     title: str,
     *rows: Variant,
     finding: str,
+    assumptions: tuple[str, ...],
     base: str = "",
     changes: tuple[str, ...] = (),
-    assumptions: tuple[str, ...] = (SAC_ASSUMPTION,),
     full: TrainingScale = _FULL,
     quick: TrainingScale = _QUICK,
 ) -> Reproduction:

@@ -29,6 +29,14 @@ UNKNOWN, BLOCKED = np.float32(1e4), np.float32(2e4)
 DETOUR = 15.0
 
 
+class Spot(NamedTuple):
+    """Where a state lies in the frame of the goal."""
+
+    across: float  # rows, not whole
+    along: float  # columns, not whole
+    heading: float  # [rad]
+
+
 class StateCosts(NamedTuple):
     """Costs to go over cells, in the frame of the last axle's goal."""
 
@@ -73,12 +81,19 @@ def weight_of(corner: int, i: float, j: float, turn: float, angle: float) -> flo
 
 
 @kernel
-def is_among(found: StateCosts, goal: Pose, towed: Towed) -> bool:
-    """Return whether a state lies between middles of cells."""
+def spot_of(found: StateCosts, goal: Pose, towed: Towed) -> Spot:
+    """Return where a state lies among the middles of cells."""
     grid = found.grid
     seen = seen_from(goal, Pose(towed.x, towed.y, towed.heading))
     across, along = (seen.y - grid.y0) / grid.cell - 0.5, (seen.x - grid.x0) / grid.cell - 0.5
-    return bool(0.0 <= across <= grid.rows - 1 and 0.0 <= along <= grid.columns - 1)
+    return Spot(across, along, seen.heading)
+
+
+@kernel
+def is_among(found: StateCosts, goal: Pose, towed: Towed) -> bool:
+    """Return whether a state lies between middles of cells."""
+    grid, spot = found.grid, spot_of(found, goal, towed)
+    return bool(0.0 <= spot.across <= grid.rows - 1 and 0.0 <= spot.along <= grid.columns - 1)
 
 
 @kernel
@@ -88,11 +103,10 @@ def cost_to_go(found: StateCosts, goal: Pose, towed: Towed, gear: int) -> float:
     It is UNKNOWN where the goal cannot be reached.
     """
     grid = found.grid
-    seen = seen_from(goal, Pose(towed.x, towed.y, towed.heading))
-    across, along = (seen.y - grid.y0) / grid.cell - 0.5, (seen.x - grid.x0) / grid.cell - 0.5
+    across, along, heading = spot_of(found, goal, towed)
     row_at, column_at = clip(across, 0.0, grid.rows - 1.001), clip(along, 0.0, grid.columns - 1.001)
     beyond = grid.cell * (abs(across - row_at) + abs(along - column_at))
-    turned, angle_at = seen.heading * TURNS / TURN, place_of(found, towed.angle)
+    turned, angle_at = heading * TURNS / TURN, place_of(found, towed.angle)
     i, j, t, a = (
         int(row_at),
         int(column_at),
