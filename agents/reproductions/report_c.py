@@ -6,8 +6,8 @@ _SOURCE = "Report on an articulated vehicle that learns to park, with a heuristi
 _PRESET = "trailer-report-c"
 _EXAM = ParkingExam()
 _FULL = TrainingScale(steps=9_600_000, seeds=3, starts=1000)
-PPO_FULL = TrainingScale(steps=6_000_000, seeds=3, starts=1000)
-PPO_QUICK = TrainingScale(steps=262_144, seeds=1, starts=64)
+_PPO_FULL = TrainingScale(steps=6_000_000, seeds=3, starts=1000)
+_PPO_QUICK = TrainingScale(steps=262_144, seeds=1, starts=64)
 # One update for 128 decisions, of a smaller network.
 _QUICK = TrainingScale(
     steps=65_536,
@@ -61,7 +61,7 @@ SAC_ASSUMPTION = (
 
 # SAC makes 24 updates a second on a core, so three heuristics with three seeds take 32 hours. PPO
 # does not learn the task with decisions of 0.1 s and a pedal: what it tries out cancels itself.
-PPO = (
+_PPO = (
     "algorithm.name=ppo",
     "algorithm.learning_rate=6e-4",
     "algorithm.last_learning_rate=5e-5",
@@ -72,7 +72,7 @@ PPO = (
     "action=crawl",
     "parking.decision_ticks=30",
 )
-PPO_ASSUMPTION = (
+_PPO_ASSUMPTION = (
     "PPO in the place of SAC, which takes 3.5 hours of a core for each run. It decides every 0.5 s "
     "and answers with a speed instead of a pedal: with 0.1 s and a pedal it parked none of 200 "
     "after 3 million decisions, with 0.1 s and a speed 1 of 200 after 5 million."
@@ -113,4 +113,20 @@ def table_of(
         plotted=_PARKED,
         base=base,
         assumptions=(*_ASSUMPTIONS, *assumptions),
+    )
+
+
+def heuristics_table_of(
+    title: str, *rows: Variant, finding: str, base: str, assumptions: tuple[str, ...] = ()
+) -> Reproduction:
+    """Return a table of heuristics, by PPO; see `table_of`."""
+    return table_of(
+        title,
+        *rows,
+        finding=finding,
+        assumptions=(_PPO_ASSUMPTION, *assumptions),
+        base=base,
+        changes=_PPO,
+        full=_PPO_FULL,
+        quick=_PPO_QUICK,
     )

@@ -1,15 +1,8 @@
 """Report on an articulated vehicle: the heuristics that it asks for next, and more."""
 
-from race_agents.reproductions.report_c import (
-    PPO,
-    PPO_ASSUMPTION,
-    PPO_FULL,
-    PPO_QUICK,
-    table_of,
-    with_heuristic,
-)
+from race_agents.reproductions.report_c import heuristics_table_of, with_heuristic
 
-REPRODUCTION = table_of(
+REPRODUCTION = heuristics_table_of(
     "A lorry learns to park: heuristics that know its turning, its trailer, or more of walls",
     with_heuristic("bfs", "the best of three"),
     with_heuristic("grid", "Dijkstra and A*: asked for"),
@@ -18,13 +11,9 @@ REPRODUCTION = table_of(
     with_heuristic("trailer-car", "–"),
     with_heuristic("privileged", "privileged coordinates: asked for"),
     with_heuristic("cost-to-go", "–"),
-    changes=PPO,
     finding="asked for, not tried",
-    full=PPO_FULL,
-    quick=PPO_QUICK,
     base="bfs",
     assumptions=(
-        PPO_ASSUMPTION,
         "A* to one fixed goal gives the same distances as Dijkstra's algorithm, so `grid` is both.",
     ),
 )
