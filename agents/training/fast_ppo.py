@@ -18,6 +18,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.utils import explained_variance
 from stable_baselines3.common.vec_env import VecEnv
+from threadpoolctl import threadpool_limits
 
 from race_agents.training.gaussian_mlp import (
     HALF_LOG_TAU,
@@ -40,6 +41,8 @@ class FastPpo(PPO):
         threads: that learn from one minibatch together: two teach actor and critic, four do so for
         each half of it, and so on.
         """
+        # These threads are all: a product of matrices must not ask for more.
+        threadpool_limits(1, "blas")
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._parts: list[GaussianMlp] = []
@@ -57,7 +60,7 @@ class FastPpo(PPO):
             return []
         actor, critic = found
         first = self._parts[0].actor.layers[0].weight if self._parts else None
-        if first is None or first.data_ptr() != actor[0].weight.data_ptr():
+        if first is None or first.ctypes.data != actor[0].weight.ctypes.data:
             # New parameters, or those of a checkpoint in other memory.
             rows = max(self.batch_size, self.n_envs)
             self._parts = [
@@ -101,7 +104,7 @@ class FastPpo(PPO):
             self._last_episode_starts = dones
             self._last_obs = seen = after  # type: ignore[assignment]  # one box, hence one array
         known = self._known(env, seen)
-        last = networks[0].value(torch.from_numpy(known))
+        last = networks[0].value(known)
         rollout_buffer.compute_returns_and_advantage(torch.from_numpy(last), dones)
         callback.update_locals(locals())
         callback.on_rollout_end()
@@ -117,17 +120,16 @@ class FastPpo(PPO):
 
     def _draw(self, network: GaussianMlp, known: Rows) -> tuple[Rows, Rows, Rows]:
         """Return actions (n, A), values (n,) and the logarithms of the actions' chances (n,)."""
-        rows = torch.from_numpy(known)
         log_spread = self.policy.log_std.data.numpy()
 
         def draw() -> tuple[Rows, Rows]:
-            means = network.act(rows)
+            means = network.act(known)
             noise = torch.normal(torch.zeros(means.shape), torch.ones(means.shape)).numpy()
             squares = np.square(noise).sum(axis=1)
             log_chances = -0.5 * squares - np.float32((log_spread + HALF_LOG_TAU).sum())
             return means + noise * np.exp(log_spread), log_chances
 
-        (actions, log_chances), values = self._together([draw, partial(network.value, rows)])
+        (actions, log_chances), values = self._together([draw, partial(network.value, known)])
         return actions, values, log_chances
 
     def _together(self, jobs: Sequence[Callable[[], Any]]) -> list[Any]:
@@ -151,7 +153,7 @@ class FastPpo(PPO):
             last = np.stack([info["terminal_observation"] for _, info in cut])
             numbers = [n for n, _ in cut]
             rows = self._known_at_last(known, numbers, last.astype(np.float32))
-            rewards[numbers] += self.gamma * network.value(torch.from_numpy(rows))
+            rewards[numbers] += self.gamma * network.value(rows)
 
     def train(self) -> None:
         """Take the gradient steps of one rollout."""
@@ -229,7 +231,7 @@ class FastPpo(PPO):
             for place, pair in enumerate(stack.gradients):
                 for other in further:
                     for mine, theirs in zip(pair, other.gradients[place], strict=True):
-                        mine.add_(theirs)
+                        np.add(mine, theirs, out=mine)
         spread = sum((other.spread_gradient for other in others), first.spread_gradient.copy())
         policy: Any = self.policy
         gradients = [(policy.log_std, torch.from_numpy(spread - np.float32(self.ent_coef)))]
@@ -239,7 +241,10 @@ class FastPpo(PPO):
         )
         for chain, stack in modules:
             for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
-                gradients += [(module.weight, weight), (module.bias, bias)]
+                gradients += [
+                    (module.weight, torch.from_numpy(weight)),
+                    (module.bias, torch.from_numpy(bias)),
+                ]
         for parameter, gradient in gradients:  # an optimiser steps whatever has a gradient
             parameter.grad = gradient if parameter.requires_grad else None
         torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)

@@ -119,11 +119,10 @@ def test_the_critic_of_mappo_knows_the_race_and_its_actor_does_not(tmp_path: Pat
     # The tick, and 14 numbers of each of four karts.
     assert known.shape == (8, 3 + 1 + 4 * 14)
     (network,) = learner._networks()[:1]
-    rows = torch.from_numpy(known)
-    acts, worth = network.act(rows).copy(), network.critic.answer(rows).copy()
-    rows[:, 3:] += 1.0
-    assert np.array_equal(acts, network.act(rows))
-    assert not np.array_equal(worth, network.critic.answer(rows))
+    acts, worth = network.act(known).copy(), network.critic.answer(known).copy()
+    known[:, 3:] += 1.0
+    assert np.array_equal(acts, network.act(known))
+    assert not np.array_equal(worth, network.critic.answer(known))
 
 
 def test_a_kart_comes_first_in_its_own_state_of_the_race() -> None:
