@@ -90,9 +90,12 @@ class Follower:
     borders: Floats
     chance: np.random.Generator
     errors: RadarErrors = ERRS
-    objects: Objects = field(default_factory=Objects)
+    objects: Objects = field(init=False)
     _motion: EgoMotion = field(default_factory=EgoMotion)
     _until: dict[DangerStage, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.objects = Objects(self.limits.nose)
 
     def look(
         self, row: np.void, others: Floats, now_s: float, told: Sequence[Peer] = ()

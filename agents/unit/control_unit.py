@@ -68,12 +68,12 @@ class ControlUnit:
     fence: Fence
     limits: Limits
     watch: SensorWatch
+    objects: Objects
     fusion: Estimator | None = None  # from the first position fix on
     hud: Orders | None = None
     command: Command = field(default_factory=Command)
     steering: float = 0.0
     battery: float | None = None  # [0, 1] of its charge
-    objects: Objects = field(default_factory=Objects)
     echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
     loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
     danger: Danger = NO_DANGER
@@ -94,7 +94,8 @@ class ControlUnit:
     @classmethod
     def of(cls, vehicle: Vehicle, fence: Fence) -> "ControlUnit":
         """Return the unit of a kart of this kind."""
-        return cls(vehicle, fence, Limits.of(vehicle), SensorWatch(vehicle))
+        limits = Limits.of(vehicle)
+        return cls(vehicle, fence, limits, SensorWatch(vehicle), Objects(limits.nose))
 
     def hear(self, hud: Orders, now_s: float) -> None:
         """Take what the game wants of this kart; what is no number is not heard."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from race_agents.unit.drift import STRAIGHT_ON, Drift
 from race_agents.unit.limits import CERTAIN, Limits
-from race_agents.unit.objects import BORN, Track
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
     STRAIGHT,
@@ -27,6 +26,7 @@ from race_agents.unit.safety import (
     in_the_way,
     way_along,
 )
+from race_agents.unit.track import BORN, Track
 from race_server.core import codes
 from race_server.core.alert import Advice, Cause, Danger, DangerStage
 from race_server.core.messages import RayHit

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from race_agents.unit.limits import Limits
-from race_agents.unit.objects import Track
 from race_agents.unit.safety import Echoes
+from race_agents.unit.track import Track
 
 # Slower than this [rad/s] a kart turns so little that its axle is as good a place as any.
 TURNS = 0.15

@@ -12,8 +12,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from race_agents.unit.fence import Fence
-from race_agents.unit.objects import BORN, Track
 from race_agents.unit.readings import MICROSECONDS
+from race_agents.unit.track import BORN, Track
 from race_server.core import codes
 from race_server.core.peer import Peer
 

@@ -13,8 +13,9 @@ from race_agents.plant.sensors import Sensors
 from race_agents.unit.danger import danger_of, watch_danger
 from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.limits import Limits
-from race_agents.unit.objects import Objects, Track
+from race_agents.unit.objects import Objects
 from race_agents.unit.safety import STOP_FOR_OBSTACLE, Echoes, Verdict
+from race_agents.unit.track import Track
 from race_server.core import codes
 from race_server.core.alert import Advice, Danger, DangerStage
 from race_server.core.vehicle_presets import KART_60

@@ -1,5 +1,6 @@
 """False brakes: ways past borders, echoes out of nowhere, and how a moment in a race ended."""
 
+import math
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
@@ -61,6 +62,28 @@ def test_no_person_appears_where_the_radar_just_saw_the_wall_behind() -> None:
     assert seen(*open_view, scan(person), scan(person), scan(person)) == 1
     beside = (20.0, 5.0, codes.BORDER)  # there was no view of the place: a person stepped out
     assert seen(*[scan(beside)] * 3, scan(person), scan(person)) == 1
+
+
+def test_what_was_seen_through_counts_from_where_the_radar_was_then() -> None:
+    """At 16 m/s a place 1.3 m beside the way is at another bearing in each scan."""
+    ego, first = Ego(0.8, 0.0, 0.0, 16.0), math.atan2(1.3, 10.0 - 1.6)
+    objects = Objects(radar=1.6)
+
+    def look(*echoes: tuple[float, float, float, int]) -> int:
+        x, y, closing, kinds = (np.array(values) for values in zip(*echoes, strict=True))
+        objects.look(Echoes(x, y, closing, kinds.astype(np.uint8)), ego, 0.05)
+        return int(objects.seen.may_be_people.sum())
+
+    # Each time the wall 30 m away is seen just behind the place, which comes nearer by 0.8 m.
+    for place in (10.0, 9.2, 8.4):
+        way = math.atan2(1.3, place - 1.6)
+        wall = 1.6 + 30.0 * math.cos(way), 30.0 * math.sin(way), 16.0 * math.cos(way)
+        look((*wall, codes.BORDER))
+    assert way - first > 0.025  # so from here none of these walls lies behind it
+    closing = 16.0 * math.cos(way)
+    assert look((7.6, 1.3, closing, codes.OBSTACLE)) == 0
+    assert look((6.8, 1.3, closing, codes.OBSTACLE)) == 0
+    assert look((6.0, 1.3, closing, codes.OBSTACLE)) == 1
 
 
 def test_karts_that_touch_each_other_are_two() -> None:

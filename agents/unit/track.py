@@ -1,0 +1,119 @@
+"""One thing around a kart: where it is and how it moves, by a constant-velocity Kalman filter."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from race_agents.unit.ego import Ego
+from race_server.core import codes
+
+Floats = NDArray[np.float64]
+
+# An echo is of a track that lies this near [m].
+GATE = 1.5
+# A track moves after this many scans.
+BORN = 3
+# Deviations: of a thing's middle [m], of Doppler speeds [m/s], of a bearing [rad].
+PLACE, DOPPLER, BEARING = 0.15, 0.2, 0.012
+OUTLINE = 0.5  # [m] by which the middle of the echoes of a kart moves about
+# How much a person and a kart change their speed [m/s in √s].
+RESTLESS, DRIVEN = 0.7, 2.0
+FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
+# What moves away more slowly than this [m/s] stands.
+STANDS = 1.0
+# A speed across the ray below this many deviations is none; of karts, whose outline comes into view
+# side by side, below the second.
+NOISE, PLAIN = 1.2, 3.0
+
+
+@dataclass
+class Track:
+    """One thing, in the kart's frame: its nearest point's place [m] and velocity over ground."""
+
+    state: Floats  # (4,) x, y [m], vx, vy [m/s]
+    covariance: Floats  # (4, 4)
+    kind: int  # RayHit
+    half_width: float  # [m] across the ray
+    scans: int = 1
+    missed: int = 0
+    slowing: float = 0.0  # [m/s²] by which its speed shrinks, smoothed
+    braking: float = 0.0  # [m/s²] that it told to ask of its brakes
+    number: int = 0
+    began: float = 0.0  # [m] away when it was first seen
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Velocity over ground [m/s]: across the ray none that could as well be noise."""
+        x, y, vx, vy = (float(value) for value in self.state)
+        far = max(math.hypot(x, y), 1e-6)
+        ray = np.array([x, y]) / far
+        side = np.array([-ray[1], ray[0]])
+        along, across = float(ray @ (vx, vy)), float(side @ (vx, vy))
+        clear = PLAIN if self.kind == codes.KART_HIT else NOISE
+        if across * across < clear**2 * float(side @ self.covariance[2:, 2:] @ side):
+            across = 0.0
+        east, north = along * ray + across * side
+        return float(east), float(north)
+
+    @property
+    def leaves(self) -> float:
+        """Speed over ground along the ray [m/s], negative where it comes."""
+        x, y, vx, vy = (float(value) for value in self.state)
+        return (x * vx + y * vy) / max(math.hypot(x, y), 1e-6)
+
+    @property
+    def stands(self) -> bool:
+        """Whether it does not move away."""
+        return self.leaves < STANDS
+
+    @property
+    def unsure(self) -> float:
+        """Deviation of the velocity [m/s], in its worse direction at most."""
+        return math.sqrt(max(float(self.covariance[2, 2] + self.covariance[3, 3]), 0.0))
+
+
+def carry(track: Track, ego: Ego, dt: float) -> None:
+    """Move a track on, and into the kart's frame of now."""
+    cos, sin = math.cos(ego.turned), math.sin(ego.turned)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    state = track.state.copy()
+    state[:2] += state[2:] * dt - (ego.ahead, ego.left)
+    both = np.zeros((4, 4))
+    both[:2, :2] = both[2:, 2:] = turn
+    slope = np.eye(4)
+    slope[0, 2] = slope[1, 3] = dt
+    slope = both @ slope
+    track.state = both @ state
+    pace = DRIVEN if track.kind == codes.KART_HIT else RESTLESS
+    noise = pace**2 * np.diag([dt**3 / 3.0, dt**3 / 3.0, dt, dt])
+    track.covariance = slope @ track.covariance @ slope.T + noise
+    track.missed += 1
+
+
+def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
+    """Correct a track by a place (2,) [m] and a speed over ground along a ray [m/s]."""
+    rows = np.zeros((3, 4))
+    rows[0, 0] = rows[1, 1] = 1.0
+    rows[2, 2:] = ray
+    residual = np.array([*place, doppler]) - rows @ track.state
+    noise = np.zeros((3, 3))
+    noise[:2, :2] = spread_of(ray, math.hypot(*place), track.kind)
+    noise[2, 2] = DOPPLER**2
+    gain = track.covariance @ rows.T @ np.linalg.inv(rows @ track.covariance @ rows.T + noise)
+    track.state = track.state + gain @ residual
+    keep = np.eye(4) - gain @ rows
+    track.covariance = keep @ track.covariance @ keep.T + gain @ noise @ gain.T
+
+
+def spread_of(ray: Floats, far: float, kind: int) -> Floats:
+    """Return the covariance of a place (2, 2) [m²]: wider across the ray the farther it is."""
+    along, across = np.outer(ray, ray), np.outer((-ray[1], ray[0]), (-ray[1], ray[0]))
+    size = OUTLINE if kind == codes.KART_HIT else PLACE
+    return np.asarray(PLACE**2 * along + (size**2 + (BEARING * far) ** 2) * across)
+
+
+def distance_to(track: Track, x: float, y: float) -> float:
+    """Return how far [m] a track is from a place."""
+    return math.hypot(track.state[0] - x, track.state[1] - y)
