@@ -48,19 +48,23 @@ class Corrected:
 
         most: readings refused in a row before the state is doubted, None: it never is.
         """
-        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
+        shared = self.covariance @ row
+        spread = float(row @ shared) + deviation**2
+        square = residual**2 / spread
         self.squares[sensor] = square
         if square > GATE_ONE:
             self._doubt(sensor, np.array([residual]), row[None], most)
             return False
         self._refused[sensor] = 0
-        self._correct(row, residual, deviation**2)
+        self._correct(shared, residual, spread)
         return True
 
-    def _correct(self, row: Floats, residual: float, variance: float) -> None:
-        """Correct state and covariance by one number."""
-        shared = self.covariance @ row
-        gain = shared / (float(row @ shared) + variance)
+    def _correct(self, shared: Floats, residual: float, spread: float) -> None:
+        """Correct state and covariance by one number.
+
+        shared: its covariance with the state; spread: the variance of its residual.
+        """
+        gain = shared / spread
         state = self.state + gain * residual
         state[HEADING] = wrap(float(state[HEADING]))
         self.state = state

@@ -41,16 +41,19 @@ class Drift:
 
     def limits(self, limits: Limits) -> Limits:
         """Return the limits of a body that is measured from where its arcs begin."""
-        return replace(limits, nose=limits.nose - self.pivot)
+        return replace(limits, nose=limits.nose - self.pivot) if self.pivot else limits
 
     def tracks(self, tracks: Sequence[Track]) -> list[Track]:
         """Return tracks as they lie from there."""
+        if not tracks:
+            return []
         cos, sin = math.cos(self.course), math.sin(self.course)
-        both = np.kron(np.eye(2), np.array([[cos, sin], [-sin, cos]]))
+        both, pivot = np.zeros((4, 4)), np.array([self.pivot, 0.0, 0.0, 0.0])
+        both[:2, :2] = both[2:, 2:] = (cos, sin), (-sin, cos)
         return [
             replace(
                 track,
-                state=both @ (track.state - (self.pivot, 0.0, 0.0, 0.0)),
+                state=both @ (track.state - pivot),
                 covariance=both @ track.covariance @ both.T,
             )
             for track in tracks
@@ -59,8 +62,8 @@ class Drift:
     def echoes(self, echoes: Echoes) -> Echoes:
         """Return echoes as they lie from there."""
         cos, sin = math.cos(self.course), math.sin(self.course)
-        x = echoes.x - self.pivot
-        return replace(echoes, x=cos * x + sin * echoes.y, y=cos * echoes.y - sin * x)
+        x, y = echoes.x - self.pivot, echoes.y
+        return Echoes(cos * x + sin * y, cos * y - sin * x, echoes.closing, echoes.kinds)
 
 
 STRAIGHT_ON = Drift()

@@ -137,12 +137,9 @@ class KartFilter(Corrected):
         slope = jacobian_of(self.state, dt)
         noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
         ahead, aside = push or (0.0, 0.0)
-        state = self.state.copy()
-        state[SPEED] += 0.5 * dt * ahead
-        state[SLIDE] += 0.5 * dt * aside
-        state = drive_on(state, dt)
-        state[SPEED] += 0.5 * dt * ahead
-        state[SLIDE] += 0.5 * dt * aside
+        half = np.zeros(SIZE)
+        half[SPEED], half[SLIDE] = 0.5 * dt * ahead, 0.5 * dt * aside
+        state = drive_on(self.state + half, dt) + half
         state[HEADING] = wrap(float(state[HEADING]))
         self.state = state
         covariance = slope @ self.covariance @ slope.T + noise
@@ -218,7 +215,8 @@ class KartFilter(Corrected):
             return False  # over the beacon a range has no direction
         row = (away / far) @ antenna_jacobian(self.state, self._lever)
         residual = distance - far
-        spread = float(row @ self.covariance @ row)
+        shared = self.covariance @ row
+        spread = float(row @ shared)
         off = abs(residual) / math.sqrt(spread + deviation**2)
         self.squares["range"] = off * off
         if off > FARTHEST:
@@ -226,7 +224,7 @@ class KartFilter(Corrected):
             return False
         self._refused["range"] = 0
         weight = min(1.0, HUBER / max(off, 1e-9))
-        self._correct(row, residual, deviation**2 / weight)
+        self._correct(shared, residual, spread + deviation**2 / weight)
         return True
 
     def see_borders(self, seen: Sighting) -> bool:
@@ -298,10 +296,12 @@ class KartFilter(Corrected):
         row[COMPLIANCE] = abs(speed) * smooth
         row[SPEED] = math.copysign(compliance, speed) * smooth
         residual = -float(self.state[SLIDE]) - compliance * abs(speed) * load
-        square = residual**2 / (float(row @ self.covariance @ row) + deviation**2)
+        shared = self.covariance @ row
+        spread = float(row @ shared) + deviation**2
+        square = residual**2 / spread
         self.squares["grip"] = square
         if square < PLAIN:
-            self._correct(row, residual, deviation**2)
+            self._correct(shared, residual, spread)
 
     def mend_bias(self, off: float, turned: float) -> None:
         """Take it that the gyro tells `off` [rad/s] more than was known.
@@ -316,7 +316,9 @@ class KartFilter(Corrected):
     def see_rest(self) -> None:
         """Take it that the kart stands: no speed, no turn, no slide."""
         for column, deviation in ((SPEED, 0.01), (YAW_RATE, 1e-3), (SLIDE, 0.01)):
-            self._correct(_unit_row(column), -float(self.state[column]), deviation**2)
+            shared = self.covariance[column]
+            spread = float(shared[column]) + deviation**2
+            self._correct(shared, -float(self.state[column]), spread)
 
     @property
     def delay_s(self) -> float:

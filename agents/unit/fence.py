@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
@@ -42,17 +43,26 @@ class CourseFence:
 
     def beyond(self, x: float, y: float) -> float:
         """Return how far outside the kerb a point lies [m], negative inside."""
-        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
-        nearest = int(np.argmin(dx * dx + dy * dy))
-        heading = self.line[nearest, 2]
-        offset = dy[nearest] * math.cos(heading) - dx[nearest] * math.sin(heading)
+        nearest = self._nearest(x, y)
+        place_x, place_y, heading, _ = self.line[nearest].tolist()
+        offset = (y - place_y) * math.cos(heading) - (x - place_x) * math.sin(heading)
         width = self.half_widths[nearest, 0 if offset > 0.0 else 1]
         return float(abs(offset) - width - self.kerb)
 
     def heading_at(self, x: float, y: float) -> float:
         """Return the direction of the course at a point [rad]: every kart starts along it."""
-        dx, dy = x - self.line[:, 0], y - self.line[:, 1]
-        return float(self.line[int(np.argmin(dx * dx + dy * dy)), 2])
+        return float(self.line[self._nearest(x, y), 2])
+
+    def _nearest(self, x: float, y: float) -> int:
+        """Return the sample of the line that is nearest to a point."""
+        columns = self._columns
+        dx, dy = x - columns[0], y - columns[1]
+        return int(np.argmin(dx * dx + dy * dy))
+
+    @cached_property
+    def _columns(self) -> Floats:
+        """x and y of the line, each without gaps in memory, shape (2, N)."""
+        return np.ascontiguousarray(self.line[:, :2].T)
 
 
 @dataclass(frozen=True)

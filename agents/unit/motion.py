@@ -19,6 +19,7 @@ SIZE = 10
 PLACE = 3  # the first of them: where a kart is, and where it points
 # [√s] of a yaw acceleration at which one axle holds and the other does not.
 TURNS = 0.02
+IDENTITY = np.eye(SIZE)
 STRAIGHT = 1e-4  # [rad/s] turns slower than this are driven as straight lines
 
 
@@ -43,11 +44,11 @@ class Agility:
 
 def drive_on(state: Floats, dt: float) -> Floats:
     """Return the state `dt` seconds later at constant speeds and turn rate."""
-    heading, rate = float(state[HEADING]), float(state[YAW_RATE])
+    numbers = state.tolist()
+    heading, speed, slide, rate = (numbers[at] for at in (HEADING, SPEED, SLIDE, YAW_RATE))
     along, aside = arc(rate, dt)
     cos, sin = math.cos(heading), math.sin(heading)
-    ahead = state[SPEED] * along - state[SLIDE] * aside
-    left = state[SPEED] * aside + state[SLIDE] * along
+    ahead, left = speed * along - slide * aside, speed * aside + slide * along
     result = state.copy()
     result[X] += ahead * cos - left * sin
     result[Y] += ahead * sin + left * cos
@@ -76,8 +77,8 @@ def arc_slope(rate: float, dt: float) -> tuple[float, float]:
 
 def jacobian_of(state: Floats, dt: float) -> Floats:
     """Return the derivative of `drive_on` by the state, shape (10, 10)."""
-    heading, v, u = float(state[HEADING]), float(state[SPEED]), float(state[SLIDE])
-    rate = float(state[YAW_RATE])
+    numbers = state.tolist()
+    heading, v, u, rate = (numbers[at] for at in (HEADING, SPEED, SLIDE, YAW_RATE))
     along, aside = arc(rate, dt)
     along_slope, aside_slope = arc_slope(rate, dt)
     ahead, left = v * along - u * aside, v * aside + u * along
@@ -86,7 +87,7 @@ def jacobian_of(state: Floats, dt: float) -> Floats:
         v * aside_slope + u * along_slope,
     )
     cos, sin = math.cos(heading), math.sin(heading)
-    result = np.eye(SIZE)
+    result = IDENTITY.copy()
     result[HEADING, YAW_RATE] = dt
     result[X, HEADING] = -left * cos - ahead * sin
     result[Y, HEADING] = ahead * cos - left * sin
@@ -112,12 +113,12 @@ def process_noise(heading: float, dt: float, agility: Agility, *, feels: bool = 
     ways[HEADING, 1], ways[YAW_RATE, 1] = half, 1.0
     ways[X, 2], ways[Y, 2], ways[SLIDE, 2] = -half * sin, half * cos, 1.0
     pace = agility.felt if feels else agility.acceleration
-    squares = np.array([pace**2, agility.yaw_acceleration**2, agility.slide**2])
-    result: Floats = (ways * (squares * dt)) @ ways.T
-    result[BIAS, BIAS] += agility.bias_drift**2 * dt
-    result[SCALE, SCALE] += agility.scale_drift**2 * dt
-    result[COMPLIANCE, COMPLIANCE] += agility.compliance_drift**2 * dt
-    result[DELAY, DELAY] += agility.delay_drift**2 * dt
+    squares = np.array([pace**2 * dt, agility.yaw_acceleration**2 * dt, agility.slide**2 * dt])
+    result: Floats = (ways * squares) @ ways.T
+    result[BIAS, BIAS] = agility.bias_drift**2 * dt
+    result[SCALE, SCALE] = agility.scale_drift**2 * dt
+    result[COMPLIANCE, COMPLIANCE] = agility.compliance_drift**2 * dt
+    result[DELAY, DELAY] = agility.delay_drift**2 * dt
     return result
 
 

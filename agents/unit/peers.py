@@ -7,7 +7,8 @@ place than half a kart is ignored, and of many peers the nearest count.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
+from operator import attrgetter
 
 import numpy as np
 
@@ -28,6 +29,7 @@ CHANGES, SPEED = 6.0, 0.3
 # A point this far [m] behind the axle, and as far again as beside it, is behind on each way that a
 # kart may drive: the direction in which it slides is turned by less than 45°.
 BEHIND = 3.0
+_numbers_of = attrgetter(*(each.name for each in fields(Peer)))
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def tracks_of(
 
 
 def _is_heard(peer: Peer, now_s: float, fence: Fence) -> bool:
-    if not all(map(math.isfinite, astuple(peer))):
+    if not all(map(math.isfinite, _numbers_of(peer))):
         return False
     age_s = now_s - peer.stamp_us / MICROSECONDS
     return -EARLIEST_S <= age_s <= OLDEST_S and fence.beyond(peer.x, peer.y) <= OUTSIDE

@@ -8,6 +8,7 @@ faster than what is returned here.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,7 @@ class Echoes:
         """Return what is neither a kart nor a border."""
         return self.kept(self.may_be_people)
 
-    @property
+    @cached_property
     def may_be_people(self) -> NDArray[np.bool_]:
         """Which echoes may be of a person, shape (n,): not every radar tells one from a thing."""
         return (self.kinds == codes.OBSTACLE) | (self.kinds == codes.PERSON)
@@ -269,11 +270,11 @@ def combine(
     game_speed, thrust: the game's cap [m/s] and its share of the motor. The least throttle and the
     most brake count; steering stays the driver's.
     """
-    allowed, brake, motor, cause = game_speed, driver.brake, min(thrust, 1.0), Cause.NONE
+    allowed, brake, motor, causes = game_speed, driver.brake, min(thrust, 1.0), 0
     for verdict in verdicts:
         allowed, motor = min(allowed, verdict.speed), min(motor, verdict.motor)
         brake = max(brake, verdict.brake)
-        cause |= verdict.cause
+        causes |= verdict.cause.value
     if brake >= BRAKE_WINS:
         motor = 0.0
     over = abs(speed) - allowed
@@ -283,4 +284,4 @@ def combine(
     room = max(-over, 0.0) / max(0.05 * allowed, 0.05)
     throttle = max(-1.0, min(driver.throttle, 1.0)) * motor
     throttle = math.copysign(min(abs(throttle), room), throttle)
-    return Command(driver.steering, throttle, brake, cause)
+    return Command(driver.steering, throttle, brake, Cause(causes))

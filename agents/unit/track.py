@@ -46,21 +46,21 @@ class Track:
     @property
     def velocity(self) -> tuple[float, float]:
         """Velocity over ground [m/s]: across the ray none that could as well be noise."""
-        x, y, vx, vy = (float(value) for value in self.state)
+        x, y, vx, vy = self.state.tolist()
         far = max(math.hypot(x, y), 1e-6)
-        ray = np.array([x, y]) / far
-        side = np.array([-ray[1], ray[0]])
-        along, across = float(ray @ (vx, vy)), float(side @ (vx, vy))
+        cos, sin = x / far, y / far
+        along, across = cos * vx + sin * vy, cos * vy - sin * vx
+        (east, both), (_, north) = self.covariance[2:, 2:].tolist()
+        variance = sin * sin * east - 2.0 * sin * cos * both + cos * cos * north
         clear = PLAIN if self.kind == codes.KART_HIT else NOISE
-        if across * across < clear**2 * float(side @ self.covariance[2:, 2:] @ side):
+        if across * across < clear**2 * variance:
             across = 0.0
-        east, north = along * ray + across * side
-        return float(east), float(north)
+        return along * cos - across * sin, along * sin + across * cos
 
     @property
     def leaves(self) -> float:
         """Speed over ground along the ray [m/s], negative where it comes."""
-        x, y, vx, vy = (float(value) for value in self.state)
+        x, y, vx, vy = self.state.tolist()
         return (x * vx + y * vy) / max(math.hypot(x, y), 1e-6)
 
     @property
