@@ -61,7 +61,7 @@ class CourseFence:
 
     @cached_property
     def _columns(self) -> Floats:
-        """x and y of the line, each without gaps in memory, shape (2, N)."""
+        """Both columns of places of the line, each without gaps in memory, shape (2, N)."""
         return np.ascontiguousarray(self.line[:, :2].T)
 
 
