@@ -10,7 +10,8 @@ from race_agents.plant.raced import SCAN_S, Frame
 from race_agents.plant.radar import Floats, Surroundings, outline_of
 from race_agents.unit.limits import Limits
 from race_agents.unit.safety import way_along
-from race_server.core.vehicles import Vehicle
+from race_server.core.messages import Status
+from race_server.core.vehicles import GRAVITY, Vehicle
 from race_server.net.wire.spectate import Rows
 
 # The end of a danger is looked at until this time [s] after it would be met, and for some time
@@ -36,16 +37,28 @@ def rows_of(karts: Rows) -> Floats:
     return np.stack([karts["x"], karts["y"], karts["heading"], vx, vy], axis=1).astype(np.float64)
 
 
+def was_blocked(frames: Sequence[Frame], seat: int, vehicle: Vehicle, limits: Limits) -> bool:
+    """Return whether a kart's way was blocked in the first frame, or by when its brakes bite."""
+    for frame in frames[: round(limits.reaction_s / SCAN_S) + 1]:
+        racing = frame.karts[frame.karts["status"] == Status.RACING]
+        own = racing["seat"] == seat
+        if own.any() and is_blocked(racing[own][0], rows_of(racing[~own]), vehicle, limits):
+            return True
+    return False
+
+
 def is_blocked(row: np.void, others: Floats, vehicle: Vehicle, limits: Limits) -> bool:
     """Return whether another kart truly is in the way of this one, or gets there as it goes on.
 
     If this one goes on along its arc and the other one straight on, they touch; or a slower one is
-    on that arc within the way to stop, now or in a moment. others: (n, 5) as of `rows_of`.
+    on that arc within the way to stop, now or in a moment. A kart that turns faster than its tyres
+    hold slides, and its arc is as tight as they hold. others: (n, 5) as of `rows_of`.
     """
     speed = float(row["speed"])
     heading = float(row["heading"]) + math.atan2(float(row["lateral_speed"]), max(speed, SLOW))
     cos, sin = math.cos(heading), math.sin(heading)
-    curvature = float(row["yaw_rate"]) / max(speed, SLOW)
+    most = vehicle.grip * GRAVITY / max(speed, SLOW) ** 2
+    curvature = max(-most, min(float(row["yaw_rate"]) / max(speed, SLOW), most))
 
     def on_arc(seconds: float) -> tuple[Floats, Floats]:
         dx = others[:, 0] + others[:, 3] * seconds - float(row["x"])

@@ -4,7 +4,7 @@ Each kart of a race is followed as if it were a real one: a radar that errs look
 and at the borders from where it was, and the reflex is asked. It has no effect, so the end of
 each moment without a brake is known, see `race_agents.plant.hindsight`. An act is *needless* where
 the kart then touched nothing and did not come close to anything. It is *false* where, besides, no
-slower kart was in its way by the true places.
+slower kart was in its way by the true places, then or by when brakes bite.
 """
 
 import math
@@ -23,8 +23,8 @@ from race_agents.plant.hindsight import (
     SLOW,
     SOON_S,
     came_close,
-    is_blocked,
     rows_of,
+    was_blocked,
 )
 from race_agents.plant.raced import SCAN_S, Frame, Raced
 from race_agents.plant.radar import ERRS, REACH_LENGTHS, Floats, RadarErrors, Surroundings, scan
@@ -190,7 +190,7 @@ def _follow(
             met_s = max(min(danger.time_s + AFTER_S, LATEST_S), SOON_S)
             soon = list(islice(later, round(met_s / SCAN_S)))
             needless = not came_close(soon, seat, vehicle, race.borders)
-            false = needless and not is_blocked(row, others, vehicle, follower.limits)
+            false = needless and not was_blocked(soon, seat, vehicle, follower.limits)
             result.acts.append(
                 Act(race.name, tick, seat, danger.stage, speed, danger, needless, false)
             )

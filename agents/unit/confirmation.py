@@ -26,6 +26,9 @@ BESIDE = 2
 # A place is seen through where an echo came from this much [m] behind it, at a bearing [rad] this
 # near. Where it was in this number of scans nothing stands yet: two scans have to say that it does.
 BEHIND, SAME, CLEAR = 1.0, 0.025, 2
+# A border goes on between two echoes of it in neighbouring directions, this near [rad]; what lies
+# this near [m] to the line between them may be the border.
+NEIGHBOURS, BESIDE_LINE = 0.16, 0.3
 
 
 class Scan(NamedTuple):
@@ -77,7 +80,8 @@ def confirmed(echoes: Echoes, earlier: Sequence[Scan], tracks: Sequence[Track] =
         votes[1] += (near & thing).any(axis=1)
         votes[0] += (near & ~thing).any(axis=1) & ~(near & thing).any(axis=1)
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
-    kept = (times >= 1) | (around.sum(axis=0) >= BESIDE)
+    around[0] += _lies_on_border(echoes)
+    kept = (times >= 1) | (beside.sum(axis=1) >= BESIDE)
     appears = (times <= 1) & (_seen_through(echoes, earlier) >= CLEAR)
     for track in tracks:
         is_like = (echoes.kinds == codes.KART_HIT) == (track.kind == codes.KART_HIT)
@@ -108,6 +112,28 @@ def _seen_through(echoes: Echoes, earlier: Sequence[Scan]) -> NDArray[np.int64]:
         off = np.abs(bearings - ways[:, None])
         through += ((off < SAME) & (theirs > far[:, None] + BEHIND)).any(axis=1)
     return through
+
+
+def _lies_on_border(echoes: Echoes) -> NDArray[np.bool_]:
+    """Return which echoes lie on the line between two echoes of a border beside them, (n,).
+
+    Along a border that is seen at a flat angle its echoes lie metres apart.
+    """
+    found = np.zeros(len(echoes.x), np.bool_)
+    ways = np.arctan2(echoes.y, echoes.x)
+    border = np.flatnonzero(echoes.kinds == codes.BORDER)
+    border = border[np.argsort(ways[border])]
+    things = np.flatnonzero(echoes.kinds != codes.BORDER)
+    after = np.searchsorted(ways[border], ways[things])
+    is_between = (after > 0) & (after < len(border))
+    things, after = things[is_between], after[is_between]
+    first, last = border[after - 1], border[after]
+    x0, y0 = echoes.x[first], echoes.y[first]
+    dx, dy = echoes.x[last] - x0, echoes.y[last] - y0
+    off = (echoes.x[things] - x0) * dy - (echoes.y[things] - y0) * dx
+    is_on = np.abs(off) < BESIDE_LINE * np.maximum(np.hypot(dx, dy), 1e-6)
+    found[things] = is_on & (ways[last] - ways[first] < NEIGHBOURS)
+    return found
 
 
 def _view(echoes: Echoes, x: float, y: float) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from race_agents.plant.hindsight import came_close, is_blocked
+from race_agents.plant.hindsight import came_close, is_blocked, was_blocked
 from race_agents.plant.raced import Frame, Raced, driven_races
 from race_agents.plant.shadow import shadow
 from race_agents.unit.ego import Ego
@@ -86,6 +86,23 @@ def test_what_was_seen_through_counts_from_where_the_radar_was_then() -> None:
     assert look((6.0, 1.3, closing, codes.OBSTACLE)) == 1
 
 
+def test_what_lies_on_the_line_of_a_wall_is_the_wall_until_it_is_seen_twice_more() -> None:
+    """Two stray echoes, a scan apart, on a wall whose own echoes lie 3 m from one another."""
+    stands = Ego(0.0, 0.0, 0.0, 0.0)
+
+    def seen(aside: float, scans: int) -> int:
+        objects = Objects()
+        x, y = np.array([7.0, 10.0, 8.5]), np.array([1.0, 1.0, aside])
+        kinds = np.array([codes.BORDER, codes.BORDER, codes.OBSTACLE], np.uint8)
+        for _ in range(scans):
+            objects.look(Echoes(x, y, np.zeros(3), kinds), stands, 0.05)
+        return int(objects.seen.may_be_people.sum())
+
+    assert seen(1.1, scans=2) == 0
+    assert seen(1.1, scans=3) == 1
+    assert seen(0.2, scans=2) == 1  # somebody on the way, 0.8 m from the wall
+
+
 def test_karts_that_touch_each_other_are_two() -> None:
     x, y = np.array([8.0, 8.0, 8.3, 8.3]), np.array([-0.8, -0.2, 0.4, 1.0])
     closing, kinds = np.array([6.0, 6.0, 1.0, 1.0]), np.full(4, codes.KART_HIT, np.uint8)
@@ -154,3 +171,25 @@ def test_races_are_driven_by_eight_karts_and_the_same_again_under_the_same_seed(
     assert (frame.karts["speed"] > 3.0).all()  # three seconds after the lights
     assert np.array_equal(frame.karts, last(3).karts)
     assert not np.array_equal(frame.karts, last(4).karts)
+
+
+def test_a_brake_is_not_false_where_the_way_is_blocked_by_when_it_bites() -> None:
+    def frames(*speeds: float) -> list[Frame]:
+        """Return moments 0.05 s apart: a kart at 10 m/s, and one 8 m ahead at these speeds."""
+        return [
+            Frame(3 * n, karts((0.0, 0.0, 0.0, 10.0), (8.0, 0.0, 0.0, speed)))
+            for n, speed in enumerate(speeds)
+        ]
+
+    blocked = partial(was_blocked, seat=0, vehicle=KART_60, limits=LIMITS)
+    assert LIMITS.reaction_s == 0.2
+    assert not blocked(frames(9.0, 9.0, 9.0, 9.0, 9.0, 9.0))
+    assert blocked(frames(9.0, 9.0, 9.0, 9.0, 6.0, 6.0))  # 0.2 s later, slower by 4 m/s
+    assert not blocked(frames(9.0, 9.0, 9.0, 9.0, 9.0, 6.0))
+
+
+def test_a_kart_that_spins_goes_no_tighter_arc_than_tyres_hold() -> None:
+    """At 15 m/s the tyres hold a bend of 26 m, which is 3.5 m aside 13 m ahead."""
+    row = karts((0.0, 0.0, 0.0, 15.0))[0]
+    row["yaw_rate"] = 3.0  # as on a circle of 5 m
+    assert is_blocked(row, np.array([[13.0, 3.0, 0.0, 1.0, 0.0]]), KART_60, LIMITS)
