@@ -195,7 +195,7 @@ def _turns_in(file: BufferedReader, path: Path) -> Iterator[Turn]:
                 turn: Turn = json.loads(record.data)
                 yield turn
     # The end is torn where the kart's program was killed.
-    except (McapError, ValueError, struct.error, ZstdError) as error:
+    except (McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:
         if TOPIC not in topics.values():
             raise RecordingError(f"{path} is no black box of a kart: {error}") from error
     if TOPIC not in topics.values():

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from race_agents.unit.peers import OLDEST_S
+from race_agents.unit.peers import EARLIEST_S, OLDEST_S
 from race_agents.unit.records import MOST_TOLD, Report
 from race_server.core.clock import MICROSECONDS
 from race_server.core.link_clock import LinkClock
@@ -41,9 +41,11 @@ class _Heard:
     arrived_s: float = -math.inf
     peer: Peer | None = None  # its stamp by our clock
 
-    def age_s(self, now_s: float) -> float:
-        """Return how long ago it was where it told."""
-        return math.inf if self.peer is None else now_s - self.peer.stamp_us / MICROSECONDS
+    def is_fresh(self, now_s: float) -> bool:
+        """Return whether it was where it told a short while ago, and not in the future."""
+        if self.peer is None:
+            return False
+        return -EARLIEST_S <= now_s - self.peer.stamp_us / MICROSECONDS <= OLDEST_S
 
 
 class Peers:
@@ -71,7 +73,7 @@ class Peers:
             seat, (data, arrived_s) = self._arrived.popitem()
             if seat == self.seat or not self._take(seat, data, arrived_s, epoch):
                 self.ignored += 1
-        fresh = [heard.peer for heard in self._heard.values() if heard.age_s(now_s) <= OLDEST_S]
+        fresh = [heard.peer for heard in self._heard.values() if heard.is_fresh(now_s)]
         peers = [peer for peer in fresh if peer is not None]
         if own is not None:
             peers.sort(key=lambda peer: math.hypot(peer.x - own.x, peer.y - own.y))
@@ -94,7 +96,7 @@ class Peers:
         heard.clock.record(peer.stamp_us, round(arrived_s * MICROSECONDS), echo_us)
         heard.stamp_us, heard.arrived_s = peer.stamp_us, arrived_s
         heard.peer = replace(peer, stamp_us=round(peer.stamp_us + heard.clock.offset_us))
-        return heard.age_s(arrived_s) <= OLDEST_S
+        return heard.is_fresh(arrived_s)
 
     def tell(self, report: Report, vehicle: Vehicle, epoch: int, now_s: float) -> None:
         """Tell where this kart is, and answer the clock of one of the others in turn."""

@@ -183,6 +183,8 @@ def _motions() -> Iterator[Case]:
         "wheels-endless", "the wheels tell an endless speed", _set(wheel_speed=math.inf)
     )
     yield _lame(endless, "wheels silent")
+    stand = Fault("wheels-stand", "the wheels tell a stand", _set(wheel_speed=0.0))
+    yield _lame(stand, "wheels stuck")
     silent = Fault(
         "accelerometer-stop", "nothing comes from the accelerometer", _set(acceleration=None)
     )

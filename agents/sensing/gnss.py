@@ -72,7 +72,12 @@ class GnssReader:
             raw, message = reader.read()
             if raw is None:
                 return
-            if message is not None and (fix := self.take(message)) is not None:
+            try:
+                fix = None if message is None else self.take(message)
+            except (ValueError, TypeError, AttributeError) as error:  # a field that is empty
+                self._count(error)
+                continue
+            if fix is not None:
                 yield fix
 
     def _count(self, error: Exception) -> None:

@@ -17,7 +17,7 @@ from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
 from race_agents.unit.limits import Limits
-from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y
+from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y, pose_of
 from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
 from race_agents.unit.peers import Whereabouts, tracks_of
@@ -39,9 +39,9 @@ from race_agents.unit.safety import (
     watch_sensors,
     watch_speed,
 )
-from race_agents.unit.sensor_watch import SensorWatch
+from race_agents.unit.sensor_watch import FAILED, SensorWatch
 from race_server.core import codes
-from race_server.core.alert import Advice, Alert, Danger, DangerStage
+from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
 from race_server.core.peer import Peer
 from race_server.core.telemetry import Health, Sensor, SensorState
@@ -117,13 +117,15 @@ class ControlUnit:
 
     def sense(self, readings: Readings) -> None:
         """Take the newest readings."""
-        dt, self._time_s = readings.time_s - self._time_s, readings.time_s
+        dt = max(readings.time_s - self._time_s, 0.0)
+        self._time_s = readings.time_s
+        self._forget_later_than(readings.time_s)
         speed = 0.0 if self.fusion is None else float(self.fusion.state[SPEED])
         asked = self.command.steering * self.vehicle.steering_limit
         readings = self.watch.take(readings, speed, asked)
         self.battery = readings.battery
         self.steering = asked if math.isnan(readings.steering) else readings.steering
-        if readings.ranges is not None:
+        if readings.ranges is not None or self.watch.state(Sensor.LIDAR) in FAILED:
             self.ranges = readings.ranges
         if self.fusion is None:
             self._begin(readings.fix)
@@ -139,6 +141,12 @@ class ControlUnit:
         elif readings.beacons and self.fusion.is_ranged:
             self._fix_s, self._source = readings.time_s, Source.BEACONS
         self._look(readings.echoes, dt)
+
+    def _forget_later_than(self, now_s: float) -> None:
+        """Take it that nothing was heard later than now: the clock may have been set back."""
+        self._driver_s, self._hud_s = min(self._driver_s, now_s), min(self._hud_s, now_s)
+        self._fix_s, self._met_s = min(self._fix_s, now_s), min(self._met_s, now_s)
+        self._game_s = None if self._game_s is None else min(self._game_s, now_s)
 
     def _look(self, echoes: Echoes | None, dt: float) -> None:
         """Take what the radar sees, if there is something new."""
@@ -169,8 +177,12 @@ class ControlUnit:
 
     def decide(self, now_s: float) -> Command:
         """Return what goes to the actuators now."""
+        self._forget_later_than(now_s)
         if self.fusion is None or self.hud is None:
             self.command = Command()
+            return self.command
+        if not np.isfinite(self.fusion.state).all():  # it does not know where it is
+            self.command = Command(cause=Cause.SENSOR)
             return self.command
         speed = float(self.fusion.state[SPEED])
         self.command = combine(
@@ -295,31 +307,20 @@ class ControlUnit:
         return Alert(round(self._time_s * MICROSECONDS), replace(self.danger, stage=stage), cause)
 
     def pose(self) -> Pose | None:
-        """Return the pose of the kart's centre of gravity, as it is sent to the server.
-
-        A kart this slow stands: what its sensors say is noise, which would count as changes of
-        direction.
-        """
+        """Return the pose of the kart's centre of gravity, as it is sent to the server."""
         if self.fusion is None:
             return None
-        state = [float(value) for value in self.fusion.state]
-        if abs(state[SPEED]) < STANDS:
-            state[SPEED] = state[SLIDE] = state[YAW_RATE] = 0.0
-        back, heading = self.vehicle.rear_axle, state[HEADING]
         lost_s = self._time_s - self._fix_s
-        return Pose(
+        source = self._source if lost_s < FIX_S else Source.DEAD_RECKONING
+        pose = pose_of(self.fusion.state, self.vehicle, stands=STANDS)
+        return replace(
+            pose,
             stamp_us=round(self._time_s * MICROSECONDS),
-            x=state[X] + back * math.cos(heading),
-            y=state[Y] + back * math.sin(heading),
-            heading=heading,
-            speed=state[SPEED],
-            lateral_speed=state[SLIDE] + back * state[YAW_RATE],
-            yaw_rate=state[YAW_RATE],
             steering=self.steering,
             deviation=self.fusion.deviation,
             # Halved for every two seconds of dead reckoning.
             quality=1.0 if lost_s < FIX_S else 0.5 ** (0.5 * (lost_s - FIX_S)),
-            source=self._source if lost_s < FIX_S else Source.DEAD_RECKONING,
+            source=source,
         )
 
     def health(self) -> Health:

@@ -52,7 +52,7 @@ class Corrected:
         spread = float(row @ shared) + deviation**2
         square = residual**2 / spread
         self.squares[sensor] = square
-        if square > GATE_ONE:
+        if not square <= GATE_ONE:  # what is no number is refused, too
             self._doubt(sensor, np.array([residual]), row[None], most)
             return False
         self._refused[sensor] = 0
@@ -75,7 +75,7 @@ class Corrected:
         spread = slope @ self.covariance @ slope.T + noise
         inverse = np.linalg.inv(spread)
         self.squares[sensor] = float(residual @ inverse @ residual)
-        if self.squares[sensor] > GATE_TWO:
+        if not self.squares[sensor] <= GATE_TWO:
             return False
         self._refused[sensor] = 0
         gain = self.covariance @ slope.T @ inverse

@@ -33,6 +33,7 @@ class Limits:
     let_go_s: float = 0.8  # … and older than this: stop
     game_coast_s: float = 0.1  # the program beside is silent: no motor
     game_stop_s: float = 0.15  # … and longer than this: stop
+    most_valid_s: float = 2.0  # no word of the server holds longer, whatever it says
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Limits":

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from race_server.core.messages import Pose
 from race_server.core.vehicles import GRAVITY, Vehicle
 
 Floats = NDArray[np.float64]
@@ -159,3 +160,25 @@ def velocity_jacobian(state: Floats, lever: float) -> Floats:
 def wrap(angle: float) -> float:
     """Return an angle [rad] moved by whole turns into [-pi, pi]."""
     return math.remainder(angle, 2.0 * math.pi)
+
+
+def pose_of(state: Floats, vehicle: Vehicle, stands: float) -> Pose:
+    """Return where a state says that the kart's centre of gravity is.
+
+    A kart slower than `stands` [m/s] stands: what its sensors say is noise, which would count as
+    changes of direction.
+    """
+    numbers = state.tolist()
+    heading, back = numbers[HEADING], vehicle.rear_axle
+    speed, slide, turn = numbers[SPEED], numbers[SLIDE], numbers[YAW_RATE]
+    if abs(speed) < stands:
+        speed = slide = turn = 0.0
+    return Pose(
+        stamp_us=0,
+        x=numbers[X] + back * math.cos(heading),
+        y=numbers[Y] + back * math.sin(heading),
+        heading=heading,
+        speed=speed,
+        lateral_speed=slide + back * turn,
+        yaw_rate=turn,
+    )

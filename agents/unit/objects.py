@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 SCANS = 3  # earlier ones that may confirm an echo
 SPREAD = 1.2  # [m] within which echoes of one thing lie of one another
 GONE = 5  # scans without an echo after which a track is gone
-MOST_TRACKS = 24
+MOST_TRACKS = 64  # more than a radar has beams; of more the nearest are kept
 # What is faster than this [m/s] is no person, but a kart.
 RUNS = 5.0
 
@@ -60,7 +60,10 @@ class Objects:
         things = self.seen.without_borders()
         for group in groups_of(things):
             self._take(things.kept(group), ego, dt)
-        self.tracks = [track for track in self.tracks if track.missed <= GONE][-MOST_TRACKS:]
+        self.tracks = [track for track in self.tracks if track.missed <= GONE]
+        if len(self.tracks) > MOST_TRACKS:
+            self.tracks = sorted(self.tracks, key=lambda track: distance_to(track, 0.0, 0.0))
+            del self.tracks[MOST_TRACKS:]
         self.loose = self.seen.kept(~self._is_known())
 
     def _is_known(self) -> NDArray[np.bool_]:

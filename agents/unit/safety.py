@@ -209,8 +209,9 @@ def watch_game(age_s: float, limits: Limits) -> Verdict:
 def watch_link(age_s: float, valid_s: float, limits: Limits) -> Verdict:
     """Slow down, then stop, when nothing comes from the server.
 
-    valid_s: for how long its last word holds.
+    valid_s: for how long its last word says that it holds; no word can switch this watch off.
     """
+    valid_s = min(valid_s, limits.most_valid_s)
     if age_s > valid_s:
         return Verdict(brake=GENTLE, motor=0.0, cause=Cause.LINK)
     return Verdict(limits.slow_speed, cause=Cause.LINK) if age_s > 0.6 * valid_s else Verdict()

@@ -11,8 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
+from race_server.core import codes
+from race_server.core.messages import RayHit
 from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicles import GRAVITY, Vehicle
 
@@ -35,10 +37,18 @@ MOVES = 2.0
 ASKED, ASKED_S = 0.05, 0.5
 # Beyond any kart: turning rate [rad/s], acceleration [g], steering angle [rad], place [m].
 MOST_TURN, MOST_FELT, MOST_ANGLE, MOST_PLACE = 20.0, 100.0, 1.5, 1e6
+# Beyond any heading [rad], any speed of a receiver [m/s], any time of its clock [s].
+MOST_HEADING, MOST_SPEED, MOST_STAMP = 1e3, 200.0, 1e12
+# Borders tell the kart's own speed by at least so many echoes within this angle of its nose [rad],
+# and that is known for this long [s].
+BORDERS, FRONT, SEEN_S = 4, 0.8, 0.6
+# Two fixes this long [s] apart tell how far the kart came, less so many of their deviations.
+APART_S, SURE = 0.5, 6.0
 # A kart without one of these cannot see people, and stands.
 EYES = (Sensor.RADAR,)
 # … and without one of these it does not know how it moves, and crawls.
 FEET = (Sensor.WHEELS, Sensor.GYRO, Sensor.STEERING)
+MOST_KIND = max(RayHit)  # other numbers are things that nothing is known of
 FAILED = (SensorState.SILENT, SensorState.STUCK)
 
 
@@ -68,6 +78,8 @@ class SensorWatch:
     _began_s: float | None = None
     _now_s: float = 0.0
     _believed_s: dict[Sensor, float] = field(default_factory=dict)
+    _seen: tuple[float, float] = (-math.inf, 0.0)  # when something told a speed, and it [m/s]
+    _place: tuple[float, float, float] | None = None  # when and where [m] the kart was by a fix
 
     def take(self, readings: Readings, speed: float, asked: float) -> Readings:
         """Return what of some readings can be used.
@@ -79,20 +91,22 @@ class SensorWatch:
             self._began_s = now_s
         for line in self._lines.values():
             line.heard_s = min(line.heard_s, now_s)  # the clock was set back
-        moves = STUCK_S if abs(speed) > MOVES else None
+        self._believed_s = {each: min(at, now_s) for each, at in self._believed_s.items()}
+        moves = STUCK_S if self._moves(readings, speed) else None
         lags = ASKED_S if abs(readings.steering - asked) > ASKED else None
         felt = readings.acceleration
         if felt is not None and not _are_within(felt, MOST_FELT * GRAVITY):
             felt = None
         if felt is not None:
             self._lines[Sensor.ACCELEROMETER].note(felt, now_s, moves)
-        beacons = tuple(
-            each for each in readings.beacons if _are_within((each.distance,), MOST_PLACE)
-        )
+        beacons = tuple(filter(_is_sound, readings.beacons))
         if beacons:
             self._lines[Sensor.BEACONS].note(beacons, now_s, None)
-        if readings.ranges is not None and bool(np.isfinite(readings.ranges).all()):
-            self._lines[Sensor.LIDAR].note(readings.ranges.tobytes(), now_s, moves)
+        ranges = readings.ranges
+        if ranges is not None and not bool(np.isfinite(ranges).all()):
+            ranges = None
+        if ranges is not None:
+            self._lines[Sensor.LIDAR].note(ranges.tobytes(), now_s, moves)
         return replace(
             readings,
             wheel_speed=self._number(
@@ -104,7 +118,47 @@ class SensorWatch:
             fix=self._fix(readings.fix, moves),
             echoes=self._echoes(readings.echoes, moves),
             beacons=beacons,
+            ranges=ranges,
         )
+
+    def _moves(self, readings: Readings, speed: float) -> bool:
+        """Return whether the kart drives, by its estimate or by what needs no wheels.
+
+        An estimate follows wheels that tell a stand. Borders come nearer, and fixes go on.
+        """
+        told = [
+            None if readings.echoes is None else self._speed_by_borders(readings.echoes),
+            None if readings.fix is None else self._speed_by_fixes(readings.fix),
+        ]
+        if known := [each for each in told if each is not None]:
+            self._seen = self._now_s, max(known)
+        at, seen = self._seen
+        is_fresh = 0.0 <= self._now_s - at <= SEEN_S
+        return max(abs(speed), seen if is_fresh else 0.0) > MOVES
+
+    def _speed_by_fixes(self, fix: Fix) -> float | None:
+        """Return the speed [m/s] that a fix tells, or else the way since an earlier one."""
+        if fix.speed is not None:
+            return fix.speed
+        now_s, was = self._now_s, self._place
+        if was is None or not 0.0 <= now_s - was[0] <= 2.0 * APART_S:
+            self._place = now_s, fix.x, fix.y
+            return None
+        if now_s - was[0] < APART_S:
+            return None
+        self._place = now_s, fix.x, fix.y
+        way = math.hypot(fix.x - was[1], fix.y - was[2]) - SURE * fix.deviation
+        return max(way, 0.0) / (now_s - was[0])
+
+    def _speed_by_borders(self, echoes: Echoes) -> float | None:
+        """Return the speed [m/s] at which borders come nearer, None where few are seen."""
+        vehicle = self.vehicle
+        nose = vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length
+        ways = np.arctan2(echoes.y, echoes.x - nose)
+        used = (echoes.kinds == codes.BORDER) & (np.abs(ways) < FRONT)
+        if np.count_nonzero(used) < BORDERS:
+            return None
+        return float(np.median(echoes.closing[used] / np.cos(ways[used])))
 
     def _number(self, sensor: Sensor, value: float, most: float, stuck_s: float | None) -> float:
         """Return a number of the bus, NaN where it cannot be used."""
@@ -116,7 +170,8 @@ class SensorWatch:
 
     def _fix(self, fix: Fix | None, moves: float | None) -> Fix | None:
         """Return a fix that may be true: a kart that moves is never in the same place again."""
-        if fix is None or not (_are_within((fix.x, fix.y), MOST_PLACE) and fix.deviation > 0.0):
+        fix = None if fix is None else _sound_of(fix)
+        if fix is None:
             return None
         line, place = self._lines[Sensor.FIXES], (fix.x, fix.y)
         again = line.value == place and moves is not None
@@ -133,6 +188,10 @@ class SensorWatch:
             return None
         may_hang = moves if len(sound) else None  # an empty place looks the same again
         self._lines[Sensor.RADAR].note(table.tobytes(), self._now_s, may_hang)
+        strange = echoes.kinds > MOST_KIND
+        if strange.any():
+            kinds = np.where(strange, codes.OBSTACLE, echoes.kinds).astype(np.uint8)
+            echoes = replace(echoes, kinds=kinds)
         return echoes if sound.all() else echoes.kept(sound)
 
     def judge(self, sensor: Sensor, *, is_believed: bool) -> None:
@@ -174,6 +233,30 @@ class SensorWatch:
         if state is not SensorState.ABSENT:
             return state in FAILED
         return self._began_s is not None and self._now_s - self._began_s > SILENT_S[sensor]
+
+
+def _sound_of(fix: Fix) -> Fix | None:
+    """Return what is sound of a fix: a place, and what comes with it as far as it can be used."""
+    if not (_are_within((fix.x, fix.y, fix.deviation), MOST_PLACE) and fix.deviation > 0.0):
+        return None
+    turned, spread = fix.heading, fix.heading_deviation
+    if turned is not None and not (_are_within((turned, spread), MOST_HEADING) and spread > 0.0):
+        fix = replace(fix, heading=None)
+    if fix.speed is not None:
+        is_sound = _are_within((fix.speed, fix.speed_deviation), MOST_SPEED)
+        is_sound &= fix.speed_deviation > 0.0 and _are_within((fix.course,), MOST_HEADING)
+        fix = fix if is_sound else replace(fix, speed=None)
+    stamps = fix.stamp_s or 0.0, fix.stamp_deviation_s
+    return (
+        fix
+        if _are_within(stamps, MOST_STAMP)
+        else replace(fix, stamp_s=None, stamp_deviation_s=0.0)
+    )
+
+
+def _is_sound(beacon: Range) -> bool:
+    numbers = beacon.x, beacon.y, beacon.distance, beacon.deviation
+    return _are_within(numbers, MOST_PLACE) and beacon.deviation > 0.0
 
 
 def _are_within(values: tuple[float, ...], most: float) -> bool:

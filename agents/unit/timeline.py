@@ -81,6 +81,8 @@ class Timeline:
         Return whether the fix was believed. One of the past comes first: what is driven again is
         then a step less.
         """
+        if self._past and tick.ends_s < self._past[-1].tick.ends_s:
+            self._past.clear()  # the clock was set back: what was noted is of another time
         is_past = late is not None and late.time_s < tick.begins_s
         believed = late is not None and is_past and self.insert(late)
         past = Past(self.filter.snapshot(), tick)

@@ -283,6 +283,7 @@ def test_two_karts_find_each_others_delay_by_what_they_answer() -> None:
         (3, b"rubbish"),
         (3, encode_peer(PeerFrame(2, AHEAD))),  # another race
         (3, frame_of(1_000_000, y=math.nan)),
+        (3, frame_of((1 << 64) - 1)),  # a stamp that no clock shows
     ],
 )
 def test_messages_of_the_own_seat_another_race_or_no_message_are_ignored(

@@ -115,6 +115,20 @@ def test_damaged_bytes_are_counted_and_what_follows_is_read() -> None:
     assert reader.damaged >= 1
 
 
+def test_a_sentence_with_an_empty_field_is_counted_and_what_follows_is_read() -> None:
+    def sentence(words: str) -> bytes:
+        check = 0
+        for letter in words.encode():
+            check ^= letter
+        return f"${words}*{check:02X}\r\n".encode()
+
+    without_time = sentence("GNGGA,,4807.038,N,01131.000,E,4,08,0.9,545.4,M,46.9,M,,")
+    without_length = sentence("GNGGA,120000.00,4807.038,N,,E,4,08,0.9,545.4,M,46.9,M,,")
+    reader = GnssReader(HALL)
+    assert len(list(reader.read(BytesIO(without_time + without_length + pvt())))) == 1
+    assert reader.damaged == 2
+
+
 def answer(*anchors: tuple[int, int, int, int, int, int]) -> bytes:
     """Return an answer of a tag: distance, quality, x, y, z [mm] of each anchor."""
     rows = b"".join(

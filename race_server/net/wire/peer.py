@@ -17,6 +17,7 @@ from race_server.net.wire.strict import root_of
 PEER = struct.Struct("<QQI11fH6x")
 # Beyond any brake [m/s²], and any vehicle that races [m].
 MOST_BRAKING, MOST_SIZE = 100.0, 50.0
+MOST_STAMP_US = 1 << 62  # beyond any clock
 _HIGHEST = (
     *(MOST_METRES, MOST_METRES, 2.0 * math.pi, MOST_SPEED, MOST_SPEED, MOST_RATE),
     *(MOST_BRAKING, MOST_METRES, 2.0 * math.pi, MOST_SIZE, MOST_SIZE),
@@ -59,6 +60,6 @@ def decode_peer(data: bytes) -> PeerFrame:
     stamp_us, echo_us, epoch, *values, answered = table.packed(0, PEER, "peer")
     # Comparisons with NaN are false, so NaN is refused here too.
     within = all(-most <= value <= most for value, most in zip(values, _HIGHEST, strict=True))
-    if not within or min(values[_POSITIVE:]) < 0.0:
-        raise WireError(f"peer out of range: {values}", Reason.OUT_OF_RANGE)
+    if not within or min(values[_POSITIVE:]) < 0.0 or max(stamp_us, echo_us) > MOST_STAMP_US:
+        raise WireError(f"peer out of range: {stamp_us} µs, {values}", Reason.OUT_OF_RANGE)
     return PeerFrame(epoch, Peer(stamp_us, *values), answered, echo_us)
