@@ -34,7 +34,7 @@ from race_server.envs.buffers import (
 )
 from race_server.envs.opponents import advise
 from race_server.envs.reality_gap import FACTORS
-from race_server.envs.round_options import RoundOptions, asked_for
+from race_server.envs.round_options import RoundOptions, asked_for, seeds_of
 from race_server.envs.saved_state import in_one_block, told_apart_by
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
@@ -54,19 +54,23 @@ class Batch:
         task: Task,
         *,
         worlds: int = 1,
-        seed: int | Sequence[int] = 0,
+        seed: int | Sequence[int] | None = 0,
         after: int = RESET_WORLD,
         threads: int = 1,
     ) -> None:
         """Build the worlds, and begin a round in each.
 
         after: what happens once a learning kart's episode is over, see `envs/buffers.py`. World w
-        has the seed `seed + w`, or its own of a sequence. threads: cores to spread the worlds over;
+        has the seed `seed + w`, or its own of a sequence; with None the first reset without a seed
+        draws one, as Gymnasium asks for. threads: cores to spread the worlds over;
         results do not change.
 
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
+        for name, count in (("worlds", worlds), ("threads", threads)):
+            if count < 1:
+                raise ScenarioError(f"{name} = {count}: choose one at least")
         self.task = task
         scenarios = task.discipline.scenarios_of(task)
         first = scenarios[0]
@@ -82,7 +86,10 @@ class Batch:
         world, self._templates = task.discipline.begin(self.scenarios, worlds)
         buffers = buffers_for(task, self.scenarios, self.opponents, worlds=worlds, after=after)
         self.world, self.buffers, self._state = in_one_block(
-            world, buffers, task.discipline.beside(self._templates), told_apart_by(self.scenarios)
+            world,
+            buffers,
+            task.discipline.beside(self._templates),
+            told_apart_by(task, self.scenarios, self.layout),
         )
         self.threads = min(threads, worlds)
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
@@ -91,7 +98,9 @@ class Batch:
         self._decisions: list[list[Callable[[], None]]] = []
         for part in self._cut(self.threads):
             self._bind(*part)
+        self._is_sown = True
         self.reset(seed)
+        self._is_sown = seed is not None
 
     def _cut(self, parts: int) -> list[tuple[World, Buffers]]:
         """Return the worlds in `parts` parts of nearly equal size, as views."""
@@ -186,8 +195,12 @@ class Batch:
         """
         wanted = RoundOptions.of(options)
         chosen = range(self.worlds) if worlds is None else worlds
+        if not all(0 <= w < self.worlds for w in chosen):
+            raise ScenarioError(f"worlds {list(chosen)}: choose of 0 to {self.worlds - 1}")
         if wanted.state:
             self.load_state(wanted.state, worlds)
+        elif seed is None and not self._is_sown:
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
         self._sow(seed, chosen)
         if wanted.state:
             if seed is not None:
@@ -203,10 +216,8 @@ class Batch:
         """Set the seeds of some worlds, of which None leaves one as it is."""
         if seed is None:
             return
-        seeds = [seed + w for w in worlds] if isinstance(seed, int | np.integer) else list(seed)
-        if len(seeds) != len(worlds):
-            raise ScenarioError(f"{len(seeds)} seeds for {len(worlds)} worlds: give one for each")
-        for w, one in zip(worlds, seeds, strict=True):
+        self._is_sown = True
+        for w, one in zip(worlds, seeds_of(seed, worlds), strict=True):
             if one is not None:
                 self.seed_next(w, one)
 
@@ -257,7 +268,8 @@ class Batch:
         """
         odds: Floats = np.asarray(weights, np.float64)
         shape = self.buffers.odds.shape
-        if odds.shape != shape or not odds.sum() > 0.0 or (odds < 0.0).any():
+        is_sound = odds.shape == shape and bool(np.isfinite(odds).all() and (odds >= 0.0).all())
+        if not is_sound or not odds.sum() > 0.0:
             raise ScenarioError(
                 f"{len(odds)} weights {list(weights)}: give one for each of the "
                 f"{len(self.buffers.odds)} scenarios, none below zero and one above"
@@ -286,6 +298,7 @@ class Batch:
         """
         self._check_savable()
         own = self._state.load(state, worlds)
+        self._is_sown = True
         self.buffers.rounds["world"] = np.arange(self.worlds)
         self.world.event_counts[:] = 0
         return own

@@ -19,6 +19,7 @@ from race_server.envs.camera import RENDER_MODES, Camera
 from race_server.envs.global_state import global_states, state_space
 from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.presets import parking_task, race_task
+from race_server.envs.saved_state import own_part_in
 from race_server.envs.spaces import masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
@@ -48,7 +49,7 @@ class KartRace(KartAgents):
         """
         self.max_cycles = max_cycles
         self.render_mode = render_mode
-        self.batch = Batch(task or race_task(), after=STAY)
+        self.batch = Batch(task or race_task(), seed=None, after=STAY)
         super().__init__(self.batch.learners, self.batch.task.action)
         self._numbers = {agent: k for k, agent in enumerate(self.possible_agents)}
         self.observation_spaces: dict[str, spaces.Space[Any]] = {
@@ -71,17 +72,21 @@ class KartRace(KartAgents):
             ScenarioError: the task has not what the options ask for.
         """
         self.batch.reset(seed, options)
-        return self._begin()
+        return self._begin(own_part_in(options))
 
-    def _begin(self) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
-        """Let all karts in an episode be agents, and return what they see."""
+    def _begin(self, own: bytes) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
+        """Let all karts in an episode be agents, and return what they see.
+
+        own: what `save_state` added, where the race goes on from a saved state.
+        """
         self._steps = 0
         idle = self.batch.buffers.idle[0].tolist()
         self.agents = [agent for agent, k in self._numbers.items() if not idle[k]]
         self._draws = list(self.batch.buffers.draws[0].copy())
-        return self._first()
-
-    def _first(self) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
+        if len(own) == _STEPS.size + len(self.possible_agents):
+            (self._steps,) = _STEPS.unpack_from(own)
+            present = zip(self.possible_agents, own[_STEPS.size :], strict=True)
+            self.agents = [agent for agent, is_here in present if is_here]
         numbers = [self._numbers[agent] for agent in self.agents]
         seen = self.batch.observations[0].copy()
         nothing = np.zeros(len(self.batch.terms))
@@ -182,13 +187,7 @@ class KartRace(KartAgents):
 
     def load_state(self, state: bytes) -> dict[str, Vector]:
         """Put the race into a saved state; return what its agents see there."""
-        own = self.batch.load_state(state)
-        self._begin()
-        if len(own) == _STEPS.size + len(self.possible_agents):
-            (self._steps,) = _STEPS.unpack_from(own)
-            present = zip(self.possible_agents, own[_STEPS.size :], strict=True)
-            self.agents = [agent for agent, is_here in present if is_here]
-        return self._first()[0]
+        return self._begin(self.batch.load_state(state))[0]
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the race as (height, width, 3) bytes (`rgb_array`), or show it in a window."""

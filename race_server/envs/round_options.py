@@ -1,6 +1,6 @@
 """What `reset(options=...)` may ask of the rounds that begin."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -15,6 +15,7 @@ from race_server.scenario.race import Scenario
 
 # PettingZoo's own tests send this.
 MEANINGLESS = {"options"}
+MOST_SEED = (1 << 63) - 1
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,37 @@ class RoundOptions:
                     f"reset option {key!r} is unknown; choose of {', '.join(known)}"
                 )
         if "grid" in given:
-            given["grid"] = tuple(int(place) for place in given["grid"])
+            given["grid"] = _grid_of(given["grid"])
+        if not isinstance(given.get("gap", {}), Mapping):
+            raise ScenarioError(f"reset option gap = {given['gap']!r}: give factors by name")
         if given.get("state") and len(given) > 1:
             others = ", ".join(sorted(given.keys() - {"state"}))
             raise ScenarioError(f"reset options state and {others}: a state says where all begins")
         return cls(**given)
+
+
+def _grid_of(places: Any) -> tuple[int, ...]:
+    try:
+        return tuple(int(place) for place in places)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(
+            f"reset option grid = {places!r}: give a place for each kart"
+        ) from error
+
+
+def seeds_of(seed: int | Sequence[int | None], worlds: Sequence[int]) -> list[int | None]:
+    """Return the seed of each of some worlds: of a number `seed + w`, or its own of a sequence.
+
+    Any whole number is one; beyond 63 bits its lowest ones count.
+
+    Raises:
+        ScenarioError: a sequence has not as many.
+    """
+    is_one = isinstance(seed, int | np.integer)
+    seeds = [int(seed) + w for w in worlds] if is_one else list(seed)  # type: ignore[arg-type]
+    if len(seeds) != len(worlds):
+        raise ScenarioError(f"{len(seeds)} seeds for {len(worlds)} worlds: give one for each")
+    return [one if one is None or abs(one) <= MOST_SEED else one & MOST_SEED for one in seeds]
 
 
 @contextmanager

@@ -12,18 +12,20 @@ places in arrays.
 
 import hashlib
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from race_server.core.observation import Layout
 from race_server.core.state import Bytes, World
 from race_server.envs.buffers import BY_WORLD, Buffers
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
 
-MAGIC, VERSION = b"RSST", 1
+MAGIC, VERSION = b"RSST", 2  # 2: told apart by all that decides what numbers in it mean
 HEADER = struct.Struct("<4sHHI16s")
 ALIGNED = 16  # bytes
 
@@ -135,8 +137,8 @@ class StateMemory:
             )
         if mark != self.mark:
             raise ScenarioError(
-                "a saved state of another task: load it where courses, karts, rules, drivers and "
-                "observation are the same"
+                "a saved state of another task: load it where courses, karts, rules, drivers, "
+                "observation, action, length of a decision and level are the same"
             )
         length = self._all_length if worlds == self.worlds else self._length(worlds)
         first = HEADER.size + own
@@ -217,19 +219,35 @@ def in_one_block(
     )
 
 
-def told_apart_by(scenarios: Sequence[Scenario]) -> str:
-    """Return what tells scenarios apart: courses, rules and vehicles."""
-    return repr(
-        [
-            (
-                scenario.course.name,
-                hashlib.blake2b(scenario.course.line.tobytes()).hexdigest(),
-                scenario.rules,
-                scenario.vehicles,
-            )
-            for scenario in scenarios
-        ]
-    )
+def own_part_in(options: Mapping[str, Any] | None) -> bytes:
+    """Return what an interface added to the state in the options of a reset, which was loaded."""
+    state = (options or {}).get("state")
+    if not state:
+        return b""
+    _, _, length, _, _ = HEADER.unpack_from(state)
+    return state[HEADER.size : HEADER.size + length]
+
+
+def told_apart_by(task: Task, scenarios: Sequence[Scenario], layout: Layout) -> str:
+    """Return what tells tasks apart: all that decides what the numbers in a state mean.
+
+    Rewards are left out: what an episode has earned so far goes on under others.
+    """
+    courses = [
+        (
+            scenario.course.name,
+            scenario.course.digest,
+            hashlib.blake2b(scenario.course.line.tobytes()).hexdigest(),
+            scenario.rules,
+            scenario.vehicles,
+            scenario.level,
+        )
+        for scenario in scenarios
+    ]
+    drivers = [each if isinstance(each, str) else type(each).__name__ for each in task.opponents]
+    settings = sorted(task.discipline.settings.items())
+    parts = layout.numbers, layout.size, task.action, task.base, task.decision_ticks
+    return repr((courses, drivers, settings, parts))
 
 
 def _aligned(size: int) -> int:

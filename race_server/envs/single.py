@@ -31,7 +31,7 @@ class OneKart(gymnasium.Env[Any, Any]):
             ScenarioError, DriverError: the task makes no race, or more than one kart learns.
         """
         self.render_mode = render_mode
-        self.batch = Batch(task, after=STAY)
+        self.batch = Batch(task, seed=None, after=STAY)
         if self.batch.learners != 1:
             raise ScenarioError(
                 f"{self.batch.learners} karts learn in this task: choose one, or use "

@@ -5,6 +5,7 @@ worth, when an episode is over. Racing is one, see `race_server.envs.racing`; an
 package beside it.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
@@ -97,11 +98,23 @@ class Task:
     simulator: str = ""  # that moves the bodies, see `race_server.second`; empty: ours
 
     def __post_init__(self) -> None:
-        """Take lists for tuples, as files and people write them."""
+        """Take lists for tuples, as files and people write them.
+
+        Raises:
+            ScenarioError: a number makes no episodes.
+        """
         for name in ("scenarios", "opponents", "observation"):
             value = getattr(self, name)
             if not isinstance(value, str):
                 object.__setattr__(self, name, tuple(value))
+        for name, least in (("decision_ticks", 1), ("most_steps", 0)):
+            value = getattr(self, name)
+            if value < least:
+                raise ScenarioError(f"{name} = {value}: choose {least} at least")
+        weights = {} if isinstance(self.reward, str) else self.reward
+        for term, weight in weights.items():
+            if not math.isfinite(weight):
+                raise ScenarioError(f"reward {term} = {weight}: give a number")
 
     def with_options(self, **options: Any) -> "Task":
         """Return the task with other options: its own, or those of its discipline."""

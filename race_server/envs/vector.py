@@ -12,6 +12,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
 from race_server.envs.camera import Camera
 from race_server.envs.presets import mixed_task, time_trial_task
+from race_server.envs.saved_state import own_part_in
 from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
@@ -65,7 +66,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         learners = task.count_learners()
         self.autoreset_mode = _mode(autoreset_mode, learners)
         after = after_an_episode(learners) if self.autoreset_mode is SAME_STEP else STAY
-        self.batch = Batch(task, worlds=worlds, after=after, threads=threads)
+        self.batch = Batch(task, worlds=worlds, seed=None, after=after, threads=threads)
         self.num_envs = worlds * learners
         self.single_observation_space = observation_space(self.batch.layout)
         self.single_action_space = action_space(task.action)
@@ -105,7 +106,8 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
             seed = seed[:: self.batch.learners]
             seed = seed if worlds is None else [seed[w] for w in worlds]
         self.batch.reset(seed, wanted, worlds)
-        self._over[:] = False if mask is None else self._over & ~np.asarray(mask)
+        over = self._over_in(own_part_in(wanted))
+        self._over[:] = over if mask is None else np.where(mask, over, self._over)
         return self._seen(self.batch.observations), {}
 
     def _worlds_of(self, mask: Any) -> list[int]:
@@ -173,9 +175,12 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
 
     def load_state(self, state: bytes) -> Array:
         """Put all races into a saved state, of as many or of one; return the observations."""
-        own = self.batch.load_state(state)
-        self._over[:] = np.frombuffer(own, np.bool_) if len(own) == self.num_envs else False
+        self._over[:] = self._over_in(self.batch.load_state(state))
         return self._seen(self.batch.observations)
+
+    def _over_in(self, own: bytes) -> Array:
+        """Return which episodes were over, (n,), as `save_state` added it."""
+        return np.frombuffer(own if len(own) == self.num_envs else bytes(self.num_envs), np.bool_)
 
     def render(self) -> tuple[Array, ...] | None:
         """Return a picture of the race of each sub-environment, (height, width, 3) bytes."""

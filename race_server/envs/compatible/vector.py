@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from race_server.envs.compatible.cars import Array, Cars, Moved, each, numbers_of
+from race_server.errors import ScenarioError
 
 
 class CompatibleVector(VectorEnv[Any, Array, Array]):
@@ -35,10 +36,17 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
         """Begin new episodes: environment n with `seed + n`, or with its own of a list.
 
         Options are not used.
+
+        Raises:
+            ScenarioError: a list has not as many seeds.
         """
-        if isinstance(seed, int):
-            seed = [seed + number for number in range(self.num_envs)]
-        seeds = seed or [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            seed = [int(seed) + number for number in range(self.num_envs)]
+        seeds = [None] * self.num_envs if seed is None else list(seed)
+        if len(seeds) != self.num_envs:
+            raise ScenarioError(
+                f"{len(seeds)} seeds for {self.num_envs} environments: give as many"
+            )
         for w, one in enumerate(seeds):
             if one is not None:
                 self._chances[w] = np_random(one)[0]
