@@ -100,7 +100,7 @@ def test_what_lies_on_the_line_of_a_wall_is_the_wall_until_it_is_seen_twice_more
 
     assert seen(1.1, scans=2) == 0
     assert seen(1.1, scans=3) == 1
-    assert seen(0.2, scans=2) == 1  # somebody on the way, 0.8 m from the wall
+    assert seen(0.2, scans=2) == 1  # a person on the way, 0.8 m from the wall
 
 
 def test_karts_that_touch_each_other_are_two() -> None:
