@@ -184,10 +184,10 @@ class ParkCompatibleVector(CompatibleVector):
 
 
 def park_compatible_vector(
-    num_envs: int = 1, config: Mapping[str, Any] | None = None
+    num_envs: int = 1, config: Mapping[str, Any] | None = None, render_mode: str | None = None
 ) -> ParkCompatibleVector:
     """Return `num_envs` cars, each in its own car park. config: as of `ParkCompatible`."""
-    return ParkCompatibleVector(ParkCars(config or {}, num_envs))
+    return ParkCompatibleVector(ParkCars(config or {}, num_envs), render_mode)
 
 
 def _open(course: Course) -> Course:
