@@ -176,6 +176,29 @@ def test_actions_that_are_no_numbers_or_too_many_are_refused() -> None:
         race.step({agent: NAN if agent == "kart_4" else np.zeros(3) for agent in race.agents})
 
 
+@pytest.mark.parametrize("number", [99.0, -1.0, 2.5])
+def test_a_discrete_action_that_does_not_exist_is_refused(number: float) -> None:
+    task, wrong = ring_task(2, action="discrete"), f"{number:g} at"
+    alone = ring_task(1, action="discrete")
+    one, vector, race = OneKart(alone), KartVectorEnv(task), KartRace(task)
+    for each in (one, vector, race):
+        each.reset(seed=1)
+    with pytest.raises(ScenarioError, match=f"{wrong} .0.: give a whole number from 0 to 14"):
+        one.step(number)
+    with pytest.raises(ScenarioError, match=f"{wrong} .0, 1, 0."):
+        vector.step(np.array([14, number]))
+    with pytest.raises(ScenarioError, match=f"action of kart_1: {wrong}"):
+        race.step({"kart_0": 0, "kart_1": number})
+    with pytest.raises(ScenarioError, match=f"{wrong} .0, 1, 0."):
+        race.step({"kart_0": np.array([0]), "kart_1": np.array([number])})
+    karts = KartVecEnv(task)
+    karts.reset()
+    with pytest.raises(ScenarioError, match=wrong):
+        karts.step(np.array([0, number]))
+    one.step(14)
+    vector.step(np.array([14, 0]))
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_a_vector_offers_all_modes_of_beginning_again(mode: AutoresetMode) -> None:
     vector = KartVectorEnv(ring_task(1, most_steps=3), worlds=2, autoreset_mode=mode)
