@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +142,10 @@ class Layout:
     size: int
     numbers: tuple[int, ...]  # part numbers in order
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how `pickle` makes it again, which takes no read-only mapping."""
+        return _layout, (self.preset, dict(self.slices), self.size, self.numbers)
+
     def lows(self) -> NDArray[np.float32]:
         """Return the smallest value of every element, shape (size,)."""
         return self._bounds("low")
@@ -154,6 +159,10 @@ class Layout:
         for name, place in self.slices.items():
             bounds[place] = getattr(PARTS[PART_NUMBERS[name]], which)
         return bounds
+
+
+def _layout(preset: str, slices: dict[str, slice], size: int, numbers: tuple[int, ...]) -> Layout:
+    return Layout(preset, MappingProxyType(slices), size, numbers)
 
 
 @cache
@@ -172,7 +181,7 @@ def layout_of(preset: str | tuple[str, ...], lidar_rays: int) -> Layout:
         start += size
     numbers = tuple(PART_NUMBERS[name] for name in names)
     title = preset if isinstance(preset, str) else "+".join(preset)
-    return Layout(title, MappingProxyType(slices), start, numbers)
+    return _layout(title, slices, start, numbers)
 
 
 def offsets_of(layout: Layout) -> NDArray[np.int64]:

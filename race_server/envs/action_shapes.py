@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.state import Float32s
+from race_server.envs.actions import DISCRETE, WIDTHS, discrete_table
 from race_server.errors import ScenarioError
+
+DISCRETE_ACTIONS = frozenset(range(len(discrete_table())))
 
 
 def actions_as(actions: Any, shape: tuple[int, int, int]) -> Float32s:
@@ -17,7 +20,7 @@ def actions_as(actions: Any, shape: tuple[int, int, int]) -> Float32s:
     where an action is one number.
 
     Raises:
-        ScenarioError: they have another shape, or one of them is not a finite number.
+        ScenarioError: they have another shape, or one of them is none, see `finite`.
     """
     worlds, learners, width = shape
     karts = worlds * learners
@@ -41,12 +44,11 @@ def action_as(action: Any, width: int, agent: str = "") -> Float32s:
     """Return the action of one kart in the shape (A,). agent: its name, for the error.
 
     Raises:
-        ScenarioError: it has another shape, or one of its numbers is not finite.
+        ScenarioError: it has another shape, or one of its numbers is none, see `finite`.
     """
     given = numbers(action)
     if given.shape != (width,) and not (width == 1 and given.shape == ()):
-        whose = f" of {agent}" if agent else ""
-        raise ScenarioError(f"action{whose} of shape {given.shape}: give {(width,)}")
+        raise ScenarioError(f"action{_of(agent)} of shape {given.shape}: give {(width,)}")
     return finite(given.reshape(width), agent)
 
 
@@ -54,19 +56,29 @@ def finite(actions: Float32s, agent: str = "") -> Float32s:
     """Return actions as they are.
 
     Raises:
-        ScenarioError: one of them is not a finite number.
+        ScenarioError: one of them is not a finite number, or, where an action is one number, not
+            the number of a discrete action.
     """
     flat = actions.ravel()
     # The sum of squares is finite, or one of them is not (or very large): faster than `isfinite`.
     if not math.isfinite(flat.dot(flat)) and not np.isfinite(flat).all():
         where = [int(place) for place in np.argwhere(~np.isfinite(actions))[0]]
         value = float(actions[tuple(where)])
-        whose = f" of {agent}" if agent else ""
         raise ScenarioError(
-            f"action{whose}: {value} at {where}: give finite numbers; a network that answers "
+            f"action{_of(agent)}: {value} at {where}: give finite numbers; a network that answers "
             "so has diverged"
         )
+    if actions.shape[-1] == WIDTHS[DISCRETE] and not DISCRETE_ACTIONS.issuperset(flat.tolist()):
+        where = [int(place) for place in np.argwhere(~np.isin(actions, [*DISCRETE_ACTIONS]))[0]]
+        raise ScenarioError(
+            f"action{_of(agent)}: {float(actions[tuple(where)]):g} at {where}: give a whole number "
+            f"from 0 to {max(DISCRETE_ACTIONS)}"
+        )
     return actions
+
+
+def _of(agent: str) -> str:
+    return f" of {agent}" if agent else ""
 
 
 def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[Any]:

@@ -9,6 +9,7 @@ from race_server.envs.render.window import Window
 from race_server.errors import ScenarioError
 
 RENDER_MODES = ("human", "rgb_array")
+VECTOR_RENDER_MODES = ("rgb_array",)
 
 
 class Camera:
@@ -35,7 +36,9 @@ class Camera:
         scenario = int(self._batch.buffers.rounds["scenario"][w])
         if scenario not in self._pictures:
             self._pictures[scenario] = Picture(self._batch.scenarios[scenario].course)
-        frame = self._pictures[scenario].draw(part_of(self._batch.world, w, w + 1))
+        followed = 0 if self._batch.learners == 1 else -1
+        world = part_of(self._batch.world, w, w + 1)
+        frame = self._pictures[scenario].draw(world, followed=followed)
         if self.mode == "rgb_array":
             return frame
         if self._window is None:
@@ -48,3 +51,27 @@ class Camera:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+class VectorCamera(Camera):
+    """Shows all races of a batch at once, as arrays alone."""
+
+    def __init__(self, batch: Batch, mode: str | None) -> None:
+        """Take a batch. mode: None or rgb_array.
+
+        Raises:
+            ScenarioError: there is no such mode.
+        """
+        if mode is not None and mode not in VECTOR_RENDER_MODES:
+            raise ScenarioError(
+                f"render mode {mode!r} of a vector: choose rgb_array; Gymnasium's "
+                "HumanRendering shows that in a window"
+            )
+        super().__init__(batch, mode)
+
+    def shoot_all(self) -> tuple[Any, ...] | None:
+        """Return the race of each learning kart as (height, width, 3) bytes; None without mode."""
+        if self.mode is None:
+            return None
+        frames = [self.shoot(w) for w in range(self._batch.worlds)]
+        return tuple(frame for frame in frames for _ in range(self._batch.learners))

@@ -20,7 +20,7 @@ from race_server.envs.global_state import global_states, state_space
 from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.presets import parking_task, race_task
 from race_server.envs.saved_state import own_part_in
-from race_server.envs.spaces import masks_for, observation_space
+from race_server.envs.spaces import ROLL, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
@@ -57,6 +57,7 @@ class KartRace(KartAgents):
         }
         self.state_space = state_space(self.batch.world)
         self._is_discrete = isinstance(self.action_space("kart_0"), spaces.Discrete)
+        self._rest = float(ROLL) if self._is_discrete else 0.0  # of an agent without an action
         self._steps = 0
         self._draws: list[Any] = []  # (G,) of each kart
         self._seated: list[str] = []  # agents whose karts are `_seats`
@@ -160,11 +161,11 @@ class KartRace(KartAgents):
                 np.concatenate(rows, out=given.reshape(-1), casting="unsafe")
                 return
             block = np.array(rows, np.float32).reshape(len(numbers), width)
-            given[:] = 0.0
+            given[:] = self._rest
             given[numbers] = block
         except (KeyError, ValueError, TypeError):
             # One is missing, or it is not what it should be: which one?
-            given[:] = 0.0
+            given[:] = self._rest
             for agent, k in zip(self.agents, numbers, strict=True):
                 if agent in actions:
                     given[k] = action_as(actions[agent], width, agent)

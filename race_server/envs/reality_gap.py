@@ -81,9 +81,10 @@ class RealityGap:
         """Return low and high of every factor, shape (G, 2), those of delays as whole numbers.
 
         Raises:
-            ScenarioError: a range is upside down or out of bounds.
+            ScenarioError: a range is none, upside down, out of bounds, or one of a delay holds no
+                whole number.
         """
-        rows = np.array([getattr(self, name) for name in FACTORS], np.float64)
+        rows = np.array([_low_and_high(name, getattr(self, name)) for name in FACTORS])
         for row, (name, factor) in zip(rows, FACTORS.items(), strict=True):
             low, high = row
             if not factor.least <= low <= high <= factor.most:
@@ -92,8 +93,31 @@ class RealityGap:
                     f"between {factor.least:g} and {factor.most:g}"
                 )
             if factor.is_whole:
-                row[:] = np.rint(row)
+                row[:] = np.ceil(low), np.floor(high)
+            if row[0] > row[1]:
+                raise ScenarioError(
+                    f"reality gap {name} from {low:g} to {high:g}: no whole number lies between "
+                    "them; choose whole numbers"
+                )
         return rows
+
+
+def _low_and_high(name: str, given: object) -> Floats:
+    """Return the range of a factor, shape (2,).
+
+    Raises:
+        ScenarioError: it is not two numbers.
+    """
+    try:
+        pair = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        pair = np.zeros(0)
+    if pair.shape != (2,):
+        raise ScenarioError(
+            f"reality gap {name} = {given!r}: give two numbers, low and high, the same twice where "
+            "it is fixed"
+        )
+    return pair
 
 
 # The order is that of the numbers below, and whole numbers come first.

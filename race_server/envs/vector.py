@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER, RESET_WORLD, STAY
-from race_server.envs.camera import Camera
+from race_server.envs.camera import VECTOR_RENDER_MODES, VectorCamera
 from race_server.envs.presets import mixed_task, time_trial_task
 from race_server.envs.saved_state import own_part_in
 from race_server.envs.spaces import action_space, masks_for, observation_space
@@ -18,7 +18,6 @@ from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 
 Array = NDArray[Any]
-RENDER_MODES = ("rgb_array",)
 SAME_STEP, NEXT_STEP, DISABLED = (
     AutoresetMode.SAME_STEP,
     AutoresetMode.NEXT_STEP,
@@ -74,16 +73,11 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.metadata: dict[str, Any] = {
             "autoreset_mode": self.autoreset_mode,
-            "render_modes": list(RENDER_MODES),
+            "render_modes": list(VECTOR_RENDER_MODES),
             "render_fps": 20,
         }
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise ScenarioError(
-                f"render mode {render_mode!r} of a vector: choose rgb_array; Gymnasium's "
-                "HumanRendering shows that in a window"
-            )
         self.render_mode = render_mode
-        self._camera = Camera(self.batch, render_mode)
+        self._camera = VectorCamera(self.batch, render_mode)
         self._over = np.zeros(self.num_envs, np.bool_)  # episodes that ended with the last step
 
     def reset(
@@ -184,10 +178,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
 
     def render(self) -> tuple[Array, ...] | None:
         """Return a picture of the race of each sub-environment, (height, width, 3) bytes."""
-        if self.render_mode is None:
-            return None
-        frames = [self._camera.shoot(w) for w in range(self.batch.worlds)]
-        return tuple(frame for frame in frames for _ in range(self.batch.learners))
+        return self._camera.shoot_all()
 
     def close_extras(self, **_: Any) -> None:
         """End the batch's threads."""

@@ -93,9 +93,11 @@ def test_an_action_that_is_delayed_by_two_decisions_acts_two_decisions_later() -
     assert steering == pytest.approx([0.0, 0.0, 0.1, 0.2])
 
 
-def test_delays_are_rounded_to_decisions() -> None:
+def test_delays_are_the_whole_decisions_within_their_range() -> None:
     gap = RealityGap(action_delay=(0.4, 1.6), actuator_lag=(0.4, 1.6))
-    assert gap.ranges()[:3].tolist() == [[0.0, 2.0], [0.0, 0.0], [0.4, 1.6]]
+    assert gap.ranges()[:3].tolist() == [[1.0, 1.0], [0.0, 0.0], [0.4, 1.6]]
+    batch = Batch(ring_task(1, gap=RealityGap(action_delay=(0, 1.5))), worlds=50)
+    assert {batch.draws(w, 0)["action_delay"] for w in range(50)} == {0.0, 1.0}
 
 
 def test_an_observation_that_is_delayed_is_that_of_earlier() -> None:
@@ -160,6 +162,10 @@ def test_a_hitch_is_as_far_behind_the_axle_as_the_gap_says() -> None:
         ({"learners": 3}, "3 learning karts of 2: choose 1 to 2"),
         ({"learners": 1}, "name opponents for the others"),
         ({"gap": RealityGap(grip=(1.0, 0.5))}, "reality gap grip from 1 to 0.5"),
+        ({"gap": RealityGap(mass=1.2)}, "reality gap mass = 1.2: give two numbers"),  # type: ignore[arg-type]
+        ({"gap": RealityGap(mass=(1.0, 1.1, 1.2))}, r"mass = \(1.0, 1.1, 1.2\): give two"),  # type: ignore[arg-type]
+        ({"gap": RealityGap(grip=("a", 1.0))}, r"grip = \('a', 1.0\): give two numbers"),  # type: ignore[arg-type]
+        ({"gap": RealityGap(action_delay=(0.2, 0.8))}, "from 0.2 to 0.8: no whole number"),
     ],
 )
 def test_a_task_that_makes_no_race_is_refused(options: dict[str, Any], message: str) -> None:

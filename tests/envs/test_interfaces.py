@@ -19,12 +19,14 @@ from pettingzoo.test import (
     render_test,
 )
 
+from race_server.envs import registration
 from race_server.envs.global_state import names_of
-from race_server.envs.parallel import KartRace, env, parallel_env
+from race_server.envs.parallel import KartRace, env, lot, parallel_env
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.single import OneKart
 from race_server.envs.vector import KartVectorEnv
 from race_server.errors import ScenarioError
+from race_server.scenario.highway import has_highway
 from support.tasks import ring_task
 
 
@@ -56,11 +58,39 @@ def test_the_environment_renders_as_pettingzoo_wants() -> None:
     render_test(lambda render_mode: env(max_cycles=20, render_mode=render_mode))
 
 
-@pytest.mark.parametrize("name", ["Kart/TimeTrial-v0", "Kart/Race-v0"])
-def test_the_single_environments_keep_to_gymnasium(name: str) -> None:
-    made = gymnasium.make(f"race_server:{name}")
-    check_env(made.unwrapped, skip_render_check=True)
+IDS = [
+    name
+    for name in registration.MAKERS
+    if name != registration.RACETRACK_COMPATIBLE or has_highway()  # it takes its roads
+]
+
+
+@pytest.mark.usefixtures("headless")
+@pytest.mark.filterwarnings("ignore:.*A Box observation space")
+@pytest.mark.parametrize("name", IDS)
+def test_every_environment_keeps_to_gymnasium_and_shows_itself(name: str) -> None:
+    pytest.importorskip("pygame")
+    made = gymnasium.make(f"race_server:{name}", disable_env_checker=True)
+    check_env(made.unwrapped)
     made.close()
+
+
+@pytest.mark.parametrize("name", [name for name in IDS if registration.MAKERS[name][1]])
+def test_every_vector_shows_a_picture_of_each_of_its_worlds(name: str) -> None:
+    vector = gymnasium.make_vec(name, num_envs=2, render_mode="rgb_array")
+    vector.reset(seed=1)
+    pictures = vector.render()
+    assert pictures is not None
+    assert [picture.shape for picture in pictures] == [(720, 960, 3)] * 2
+    vector.close()
+    with pytest.raises(ScenarioError, match="choose rgb_array"):
+        gymnasium.make_vec(name, num_envs=2, render_mode="human")
+
+
+@pytest.mark.usefixtures("headless")
+def test_vehicles_that_share_a_lot_render_as_pettingzoo_wants() -> None:
+    pytest.importorskip("pygame")
+    render_test(lambda render_mode: lot(max_cycles=20, render_mode=render_mode))
 
 
 def test_pettingzoo_makes_the_race_by_its_id() -> None:
@@ -144,6 +174,29 @@ def test_actions_that_are_no_numbers_or_too_many_are_refused() -> None:
         race.step({"kart_1": np.zeros(3), "kart_2": np.zeros(5)})
     with pytest.raises(ScenarioError, match=r"nan at \[0, 4, 1\]"):
         race.step({agent: NAN if agent == "kart_4" else np.zeros(3) for agent in race.agents})
+
+
+@pytest.mark.parametrize("number", [99.0, -1.0, 2.5])
+def test_a_discrete_action_that_does_not_exist_is_refused(number: float) -> None:
+    task, wrong = ring_task(2, action="discrete"), f"{number:g} at"
+    alone = ring_task(1, action="discrete")
+    one, vector, race = OneKart(alone), KartVectorEnv(task), KartRace(task)
+    for each in (one, vector, race):
+        each.reset(seed=1)
+    with pytest.raises(ScenarioError, match=f"{wrong} .0.: give a whole number from 0 to 14"):
+        one.step(number)
+    with pytest.raises(ScenarioError, match=f"{wrong} .0, 1, 0."):
+        vector.step(np.array([14, number]))
+    with pytest.raises(ScenarioError, match=f"action of kart_1: {wrong}"):
+        race.step({"kart_0": 0, "kart_1": number})
+    with pytest.raises(ScenarioError, match=f"{wrong} .0, 1, 0."):
+        race.step({"kart_0": np.array([0]), "kart_1": np.array([number])})
+    karts = KartVecEnv(task)
+    karts.reset()
+    with pytest.raises(ScenarioError, match=wrong):
+        karts.step(np.array([0, number]))
+    one.step(14)
+    vector.step(np.array([14, 0]))
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))

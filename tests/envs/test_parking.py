@@ -3,7 +3,6 @@
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 from race_server.envs import registration
@@ -115,12 +114,6 @@ def test_worlds_of_a_batch_park_as_each_would_alone() -> None:
     assert np.array_equal(many.observations[2], alone.observations[0])
 
 
-def test_gymnasium_knows_the_ids_and_finds_nothing_wrong() -> None:
-    for name in (registration.PARK, registration.PARK_GOAL):
-        env = gymnasium.make(name, disable_env_checker=True).unwrapped
-        check_env(env, skip_render_check=True)
-
-
 def test_the_reward_of_goals_is_a_plain_function_of_them() -> None:
     for kind in ("sparse", "dense"):
         env = gymnasium.make(registration.PARK_GOAL, reward=kind, disable_env_checker=True)
@@ -216,13 +209,6 @@ def test_the_reward_of_the_report_adds_up_to_its_figures() -> None:
     terms = dict(zip(batch.terms, batch.buffers.terms[0, 0].tolist(), strict=True))
     assert (terms["parked"], terms["aligned"]) == (1.0, 1.0)
     assert batch.episode_of(0, 0)["aligned"]
-
-
-@pytest.mark.parametrize("name", [registration.PARK_TRAILER, registration.PARK_TRAILER_GOAL])
-def test_the_environments_with_a_trailer_keep_the_rules_of_gymnasium(name: str) -> None:
-    env = gymnasium.make(name)
-    check_env(env.unwrapped, skip_render_check=True)
-    env.close()
 
 
 def test_with_a_trailer_every_reward_is_that_of_its_goals_and_both_headings_count() -> None:

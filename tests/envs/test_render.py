@@ -6,12 +6,24 @@ import numpy as np
 import pytest
 
 from race_server.core import codes
-from race_server.envs.render.colours import PALETTE, RETIRED_GREY
+from race_server.core.lots import BLOCK
+from race_server.core.vehicle_presets import LORRY
+from race_server.envs.render.colours import (
+    ASPHALT,
+    CONCRETE,
+    MINE,
+    PALETTE,
+    PERSON,
+    RETIRED_GREY,
+    STANDING,
+    mixed,
+)
 from race_server.envs.render.picture import Picture
 from race_server.envs.render.window import Window
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario, make_world
 from support.courses import ring
+from support.lots import one_slot, open_lot, park_world, put_axle
 
 COURSE = ring()
 PICTURE = Picture(COURSE, (320, 240))
@@ -50,6 +62,51 @@ def test_what_is_drawn_leaves_no_trace_in_the_next_picture() -> None:
     elsewhere.hazards["until_tick"][0, 0] = 9
     PICTURE.draw(elsewhere)[:] = 0
     assert np.array_equal(PICTURE.draw(world), before)
+
+
+def test_a_car_park_shows_the_slot_of_each_vehicle_and_that_of_the_one_followed_in_green() -> None:
+    course = open_lot(vehicles=2)
+    world, picture = park_world(course, vehicles=2), Picture(course)
+    lower, upper = (world.parking.parkers[0, k] for k in np.argsort(world.parking.parkers["y"][0]))
+    assert (lower.y, upper.y) == (0.0, 10.0)
+    tints = {k: mixed(PALETTE[k], ASPHALT, 0.16) for k in (0, 1)}
+    for k, parker in enumerate(world.parking.parkers[0]):
+        column, row = picture.pixel_of(parker.x, parker.y)
+        assert tuple(picture.draw(world)[row, column]) == tints[k]
+        assert tuple(picture.draw(world, followed=k)[row, column]) == mixed(MINE, ASPHALT, 0.5)
+        assert tuple(picture.draw(world, followed=1 - k)[row, column]) == tints[k]
+
+
+def test_a_car_park_shows_walls_free_slots_blocks_parked_vehicles_and_people() -> None:
+    course = one_slot(length=30.0, width=20.0, people=1)
+    world, picture = park_world(course), Picture(course)
+    world.bodies["status"] = codes.ABSENT  # so that its slot is like any other
+    blocks = np.zeros((1, 2), BLOCK)
+    for block, x, kind in zip(
+        blocks[0], (20.0, 25.0), (codes.OBSTACLE, codes.KART_HIT), strict=True
+    ):
+        block["x"], block["half_length"], block["half_width"], block["kind"] = x, 1.5, 1.5, kind
+    world = world._replace(parking=world.parking._replace(blocks=blocks))
+    walker = world.parking.walkers[0, 0]
+
+    def colour_at(x: float, y: float) -> tuple[int, ...]:
+        column, row = picture.pixel_of(x, y)
+        return tuple(picture.draw(world)[row, column])
+
+    assert colour_at(walker.x, walker.y) == PERSON
+    assert (colour_at(20.0, 0.0), colour_at(25.0, 0.0)) == (CONCRETE, STANDING)
+    assert colour_at(-30.0, 30.0) == colour_at(0.0, 0.0) == ASPHALT
+    assert min(colour_at(0.0, 10.0)) > max(ASPHALT)  # the white line of the slot
+    assert max(colour_at(-50.0, 0.0)) < min(ASPHALT)  # the wall
+
+
+def test_a_lorry_shows_its_trailer_behind_it() -> None:
+    course = open_lot(vehicles=1)
+    world, picture = park_world(course, vehicle=LORRY), Picture(course)
+    put_axle(world, 20.0, -20.0)
+    for behind, colour in ((4.0, PALETTE[0]), (8.0, PALETTE[0]), (14.0, ASPHALT)):  # the axle [m]
+        column, row = picture.pixel_of(20.0 - behind, -20.0)
+        assert tuple(picture.draw(world)[row, column]) == colour
 
 
 def test_a_window_without_pygame_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,17 +5,21 @@ import pickle
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import data_equivalence
 
+from race_server.envs import registration
 from race_server.envs.batch import Batch
-from race_server.envs.parallel import KartRace
+from race_server.envs.parallel import KartRace, env
 from race_server.envs.presets import task_on
 from race_server.envs.saved_state import HEADER
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.single import OneKart
 from race_server.envs.vector import KartVectorEnv
 from race_server.errors import ScenarioError
+from race_server.scenario.highway import has_highway
 from race_server.scenario.race import Scenario
 from support.courses import SMALL_RING
 from support.tasks import ring_task
@@ -127,6 +131,47 @@ def test_the_other_forms_go_on_where_they_were() -> None:
         assert np.array_equal(
             copied.step(np.tile(rest, (3, 1)))[0], many.step(np.tile(rest, (3, 1)))[0]
         )
+
+
+@pytest.mark.parametrize("name", registration.MAKERS)
+def test_every_environment_can_be_pickled_and_copied(name: str) -> None:
+    if name == registration.RACETRACK_COMPATIBLE and not has_highway():
+        pytest.skip("highway-env is not installed")
+    made: Any = gymnasium.make(name, disable_env_checker=True).unwrapped
+    made.reset(seed=4)
+    made.action_space.seed(4)
+    actions = [made.action_space.sample() for _ in range(8)]
+    for action in actions[:4]:
+        made.step(action)
+    others = [copy.deepcopy(made), pickle.loads(pickle.dumps(made))]
+    for action in actions[4:]:
+        seen, reward, *ends, _ = made.step(action)
+        for other in others:
+            seen_there, reward_there, *ends_there, _ = other.step(action)
+            assert data_equivalence(seen_there, seen, exact=True)
+            assert (reward_there, ends_there) == (reward, ends)
+
+
+@pytest.mark.parametrize("name", [registration.PARK_GOAL, registration.PARK_TRAILER_GOAL])
+def test_a_vehicle_with_goals_goes_on_where_it_was(name: str) -> None:
+    made: Any = gymnasium.make(name, disable_env_checker=True).unwrapped
+    before, _ = made.reset(seed=4)
+    state, ahead = made.save_state(), np.array([1.0, 0.2], np.float32)
+    after = made.step(ahead)[0]
+    assert data_equivalence(made.load_state(state), before, exact=True)
+    assert data_equivalence(made.step(ahead)[0], after, exact=True)
+
+
+def test_a_race_turn_by_turn_can_be_pickled_and_copied() -> None:
+    race = env(karts=2, track="oval")
+    race.reset(seed=1)
+    race.step(np.float32([1.0, 0.0, 0.0]))
+    for other in (copy.deepcopy(race), pickle.loads(pickle.dumps(race))):
+        assert other.agent_selection == "kart_1"
+        other.step(np.float32([1.0, 0.0, 0.0]))
+        assert other.agent_selection == "kart_0"
+    race.step(np.float32([1.0, 0.0, 0.0]))
+    assert np.array_equal(other.last()[0], race.last()[0])
 
 
 def test_every_world_has_its_own_seed() -> None:

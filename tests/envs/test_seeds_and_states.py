@@ -122,3 +122,17 @@ def test_as_many_seeds_as_environments_are_needed_in_the_compatible_vector() -> 
     )
     with pytest.raises(ScenarioError, match="3 seeds for 2 environments"):
         vector.reset(seed=[1, 2, 3])
+
+
+def test_an_agent_without_a_discrete_action_rolls_on() -> None:
+    def speeds(of_kart_0: dict) -> np.ndarray:
+        race = parallel_env(track="oval", karts=2, action="discrete")
+        race.reset(seed=1)
+        for _ in range(100):
+            race.step({"kart_0": 14, "kart_1": 14})
+        for _ in range(10):
+            race.step({"kart_1": 14} | of_kart_0)
+        return race.batch.world.bodies["speed"][0].copy()
+
+    assert np.array_equal(speeds({}), speeds({"kart_0": 7}))
+    assert not np.array_equal(speeds({}), speeds({"kart_0": 0}))

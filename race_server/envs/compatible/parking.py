@@ -40,6 +40,7 @@ FIXED = ("observation", "action", "controlled_vehicles", "vehicles_count", "stee
 OPEN = 150.0  # [m] from the middle to where the ground ends, without walls; it stops a car there
 # Ends are theirs alone: nothing is parked by our rules.
 NEVER = Level(within=1e-9, hold_s=1e4)
+_OUTCOMES = {"_judge", "_is_judged", "_moved", "_goals"}  # attributes that refer to own arrays
 
 
 class ParkCars:
@@ -77,16 +78,7 @@ class ParkCars:
         self._weights = np.asarray(self.config["reward_weights"], np.float64)
         self.batch = Batch(self._task(), worlds=worlds, after=STAY)
         self._steps = np.zeros(worlds, np.int64)
-        told = Outcomes.of(worlds)
-        self._judge, self._is_judged = self._bound_judge(told), False
-        # Their arrays are written by each call of it.
-        infos = {"speed": told.speeds, "crashed": told.crashed, "is_success": told.arrived}
-        self._moved = Moved(told.rewards, told.over, told.cut, infos)
-        self._goals = {
-            "observation": told.achieved,
-            "achieved_goal": told.achieved,
-            "desired_goal": told.desired,
-        }
+        self._make_outcomes()
         box = spaces.Box(-np.inf, np.inf, (len(SCALES),), np.float64)
         self.observation_space: Space[Any] = spaces.Dict(
             {"observation": box, "achieved_goal": box, "desired_goal": box}
@@ -108,6 +100,28 @@ class ParkCars:
             rules = replace(scenario.rules, wall_contact="bump")
             scenario = replace(scenario, course=_open(scenario.course), rules=rules)
         return replace(task, scenarios=(scenario,))
+
+    def _make_outcomes(self) -> None:
+        """Make room for what the cars come to, and the call that writes it."""
+        told = Outcomes.of(self.batch.worlds)
+        self._judge, self._is_judged = self._bound_judge(told), False
+        # Their arrays are written by each call of it.
+        infos = {"speed": told.speeds, "crashed": told.crashed, "is_success": told.arrived}
+        self._moved = Moved(told.rewards, told.over, told.cut, infos)
+        self._goals = {
+            "observation": told.achieved,
+            "achieved_goal": told.achieved,
+            "desired_goal": told.desired,
+        }
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy begins with: all but what is judged of these cars."""
+        return {name: value for name, value in vars(self).items() if name not in _OUTCOMES}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Begin as a copy."""
+        vars(self).update(state)
+        self._make_outcomes()
 
     def _bound_judge(self, outcomes: Outcomes) -> Callable[[], None]:
         """Return a call that writes what the cars have come to."""
@@ -184,10 +198,10 @@ class ParkCompatibleVector(CompatibleVector):
 
 
 def park_compatible_vector(
-    num_envs: int = 1, config: Mapping[str, Any] | None = None
+    num_envs: int = 1, config: Mapping[str, Any] | None = None, render_mode: str | None = None
 ) -> ParkCompatibleVector:
     """Return `num_envs` cars, each in its own car park. config: as of `ParkCompatible`."""
-    return ParkCompatibleVector(ParkCars(config or {}, num_envs))
+    return ParkCompatibleVector(ParkCars(config or {}, num_envs), render_mode)
 
 
 def _open(course: Course) -> Course:

@@ -208,10 +208,10 @@ class RacetrackCompatible(CompatibleEnv):
 
 
 def racetrack_compatible_vector(
-    num_envs: int = 1, config: Mapping[str, Any] | None = None
+    num_envs: int = 1, config: Mapping[str, Any] | None = None, render_mode: str | None = None
 ) -> CompatibleVector:
     """Return `num_envs` cars, each on its own road. config: as of `RacetrackCompatible`."""
-    return CompatibleVector(RacetrackCars(config or {}, num_envs))
+    return CompatibleVector(RacetrackCars(config or {}, num_envs), render_mode)
 
 
 def _fill(layer: Array, own: Any, places: Array, are_there: Array) -> None:

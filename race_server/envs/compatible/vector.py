@@ -7,7 +7,9 @@ from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from race_server.envs.camera import VECTOR_RENDER_MODES, VectorCamera
 from race_server.envs.compatible.cars import Array, Cars, Moved, each, numbers_of
+from race_server.envs.single import OneKart
 from race_server.errors import ScenarioError
 
 
@@ -18,11 +20,21 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
     next one; the last one is in `infos["final_obs"]`.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
+    metadata = {  # noqa: RUF012  # as Gymnasium declares it
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+        "render_modes": list(VECTOR_RENDER_MODES),
+        "render_fps": OneKart.metadata["render_fps"],
+    }
 
-    def __init__(self, cars: Cars) -> None:
-        """Take the worlds of a batch."""
+    def __init__(self, cars: Cars, render_mode: str | None = None) -> None:
+        """Take the worlds of a batch. render_mode: None or rgb_array, one picture for each car.
+
+        Raises:
+            ScenarioError: there is no such mode.
+        """
         self.cars = cars
+        self.render_mode = render_mode
+        self._camera = VectorCamera(cars.batch, render_mode)
         self.num_envs = cars.batch.worlds
         self.single_observation_space = cars.observation_space
         self.single_action_space = cars.action_space
@@ -75,6 +87,10 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
 
     def _told(self, actions: Array) -> dict[str, Any]:
         return each(self.cars.infos(actions), np.copy) | {"action": actions}
+
+    def render(self) -> tuple[Array, ...] | None:
+        """Return a picture of the world of each car, (height, width, 3) bytes."""
+        return self._camera.shoot_all()
 
     def close_extras(self, **_: Any) -> None:
         """End the batch."""

@@ -55,6 +55,14 @@ class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
         """Return the reward for goals (n, g) or (g,); see `GoalView.rewards`."""
         return self.view.rewards(achieved_goal, desired_goal, info)
 
+    def save_state(self) -> bytes:
+        """Return the state of the lot, see `Batch.save_state`."""
+        return self.kart.save_state()
+
+    def load_state(self, state: bytes) -> Goals:
+        """Put the lot into a saved state; return what the vehicle sees there."""
+        return self.view.split(self.kart.load_state(state))
+
     def render(self) -> Any:
         """Return the lot as a picture (`rgb_array`), or show it in a window (`human`)."""
         return self.kart.render()

@@ -16,9 +16,10 @@ from race_server.envs.render.colours import (
     WHITE,
     Colour,
 )
-from race_server.envs.render.view import SQUARE, View, turned
-from race_server.scenario.track.course import Course, Obstacle
-from race_server.scenario.track.polyline import is_inside, loops_of
+from race_server.envs.render.view import View
+from race_server.scenario.lot.faults import slots_of
+from race_server.scenario.track.course import Course
+from race_server.scenario.track.polyline import corners_of_box, is_inside, loops_of
 
 _DETAIL = 2  # pixels per pixel and axis of the picture before it is scaled down
 
@@ -34,14 +35,17 @@ def background_of(course: Course, view: View) -> Bytes:
     if has_verge:
         _fill_ribbon(pen, fine, course, course.kerb, KERB)
         _fill_ribbon(pen, fine, course, 0.0, ASPHALT)
-    _draw_centre(pen, fine, course)
-    _draw_timing_line(pen, fine, course)
+    if len(course.line):
+        _draw_centre(pen, fine, course)
+        _draw_timing_line(pen, fine, course)
+    if course.lot is not None:
+        _draw_slots(pen, fine, course)
     for loop in loops:
         ends = np.vstack([loop[:, :2], loop[-1:, 2:], loop[:1, 2:]])
         pen.line(flat(fine.pixels(ends)), fill=INK, width=2 * _DETAIL, joint="curve")
-    for obstacle in course.obstacles:
-        corners = flat(fine.pixels(_box_of(obstacle)))
-        pen.polygon(corners, fill=CONCRETE, outline=INK, width=_DETAIL)
+    for one in course.obstacles:
+        box = corners_of_box(one.x, one.y, one.heading, one.length, one.width)
+        pen.polygon(flat(fine.pixels(box)), fill=CONCRETE, outline=INK, width=_DETAIL)
     small = image.resize(view.size, Image.Resampling.LANCZOS)
     return np.array(small, np.uint8)
 
@@ -92,7 +96,7 @@ def _draw_timing_line(pen: ImageDraw.ImageDraw, view: View, course: Course) -> N
             pen.polygon(flat(square), fill=WHITE if (row + column) % 2 else INK)
 
 
-def _box_of(obstacle: Obstacle) -> Floats:
-    half = np.array([0.5 * obstacle.length, 0.5 * obstacle.width])
-    corners = turned(SQUARE * half, obstacle.heading)
-    return corners + np.array([obstacle.x, obstacle.y])
+def _draw_slots(pen: ImageDraw.ImageDraw, view: View, course: Course) -> None:
+    """Draw the outlines of all slots; goals in a zone have none."""
+    for slot in slots_of(course):
+        pen.polygon(flat(view.pixels(slot.corners)), outline=WHITE, width=_DETAIL)

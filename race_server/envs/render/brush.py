@@ -94,6 +94,13 @@ def write(
     blend(frame, mask, left, round(place[1] - 0.5 * mask.shape[0]), colour)
 
 
+def dot(frame: Bytes, place: Floats, radius: int, colour: Colour) -> None:
+    """Fill a disc of a radius [px] around a place."""
+    mask = disc(radius)
+    left, top = np.floor(place).astype(int) - mask.shape[0] // 2
+    blend(frame, mask, int(left), int(top), colour)
+
+
 @lru_cache(maxsize=256)
 def shortened(text: str, size: int, width: int) -> str:
     """Return as much of a text as fits into a width [px]."""

@@ -29,11 +29,23 @@ CONCRETE: Colour = (216, 211, 198)
 AMBER: Colour = (255, 191, 0)
 OIL: Colour = (18, 18, 22)
 WHITE: Colour = (255, 255, 255)
+STANDING: Colour = (170, 178, 189)
+PERSON: Colour = (242, 123, 165)
+MINE: Colour = (63, 191, 127)
 
 
 def colour_of(body: Record, k: int) -> Colour:
     """Return the colour of the kart with number k."""
     return RETIRED_GREY if body.status == codes.RETIRED else PALETTE[k % len(PALETTE)]
+
+
+def mixed(colour: Colour, ground: Colour, share: float) -> Colour:
+    """Return a colour that lets the ground through: share 1 is the colour alone."""
+    red, green, blue = (
+        round(share * over + (1.0 - share) * under)
+        for over, under in zip(colour, ground, strict=True)
+    )
+    return red, green, blue
 
 
 def ink_on(colour: Colour) -> Colour:

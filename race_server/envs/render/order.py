@@ -17,6 +17,7 @@ def draw_order(
 ) -> None:
     """Write the time and a line for each kart that is present; `names` are those of all karts."""
     race, laps, text = world.races[w], int(world.rules[w].laps), view.text
+    has_line = world.route.courses[world.rules[w].course].line_count > 0
     race_s = (race.tick - race.start_tick) * TICK_S
     left, right, row = 0.8 * text, (COLUMNS - 0.6) * text, view.row
     write(frame, f"{race_s:.1f} s", round(1.3 * text), (left, 1.1 * row), INK)
@@ -33,5 +34,7 @@ def draw_order(
             name = shortened(names[k], text, round(right - left - 5.5 * text))
             write(frame, name, text, (left + 3.2 * text, y), ink)
         count = f"{racer.laps}/{laps}" if laps else str(racer.laps)
+        if not has_line:
+            count = "parked" if body.status == codes.FINISHED else ""
         count = "out" if body.status == codes.RETIRED else count
         write(frame, count, text, (right, y), ink, 1.0)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from race_server.core import codes
 from race_server.core.state import World
 from race_server.envs.render.backdrop import background_of
+from race_server.envs.render.lot import draw_round
 from race_server.envs.render.order import draw_order
 from race_server.envs.render.pieces import draw_items, draw_kart
 from race_server.envs.render.view import view_of
@@ -34,9 +35,15 @@ class Picture:
         column, row = np.floor(self._view.pixels(np.array([[x, y]]))[0])
         return int(column), int(row)
 
-    def draw(self, world: World, w: int = 0, names: Sequence[str] = ()) -> NDArray[np.uint8]:
-        """Return world `w` as an image (height, width, 3); `names` are those of its karts."""
+    def draw(
+        self, world: World, w: int = 0, names: Sequence[str] = (), followed: int = -1
+    ) -> NDArray[np.uint8]:
+        """Return world `w` as an image (height, width, 3).
+
+        names: of its karts; followed: the kart whose slot stands out, -1 for none.
+        """
         frame = self._background.copy()
+        draw_round(frame, self._view, world, w, followed)
         draw_items(frame, self._view, world, w)
         present = [k for k, body in enumerate(world.bodies[w]) if body.status != codes.ABSENT]
         # Karts that race are drawn over those that retired.

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from race_server.core.state import Bytes, Floats, Record, World
 from race_server.core.vehicles import vehicle_of
-from race_server.envs.render.brush import blend, disc, fill, tile, write
+from race_server.envs.render.brush import dot, fill, tile, write
 from race_server.envs.render.colours import AMBER, INK, OIL, WHITE, Colour, colour_of, ink_on
 from race_server.envs.render.view import SQUARE, View, turned
 
@@ -21,18 +21,17 @@ def draw_items(frame: Bytes, view: View, world: World, w: int) -> None:
     if rules.items == 0:
         return
     side = max(round(2.0 * rules.pick_up_radius * view.scale), _SMALLEST_BOX)
-    for place in _places(view, world.boxes[w], tick >= world.boxes["ready_tick"][w]):
+    for place in places_of(view, world.boxes[w], tick >= world.boxes["ready_tick"][w]):
         tile(frame, place, side, side, INK)
         tile(frame, place, side - 2, side - 2, AMBER)
     hazards, are_live = world.hazards[w], tick < world.hazards["until_tick"][w]
     radii = hazards["radius"][are_live] * view.scale
-    for place, radius in zip(_places(view, hazards, are_live), radii, strict=True):
-        mask = disc(max(round(radius), _SMALLEST_HAZARD))
-        left, top = np.floor(place).astype(int) - mask.shape[0] // 2
-        blend(frame, mask, int(left), int(top), OIL)
+    for place, radius in zip(places_of(view, hazards, are_live), radii, strict=True):
+        dot(frame, place, max(round(radius), _SMALLEST_HAZARD), OIL)
 
 
-def _places(view: View, records: Record, which: NDArray[np.bool_]) -> Floats:
+def places_of(view: View, records: Record, which: NDArray[np.bool_]) -> Floats:
+    """Return the pixel coordinates (N, 2) of some of the records."""
     return view.pixels(np.stack([records["x"][which], records["y"][which]], axis=1))
 
 
