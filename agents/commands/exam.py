@@ -16,7 +16,7 @@ from race_agents.commands.exam_retention import retention
 from race_agents.commands.exam_sweep import sweep
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in
+from race_server.cli.options import known_drivers, names_in, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -169,11 +169,11 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             f"--delay-s {options.delay_s:g} --gap {given}: failures are recorded in sessions, "
             "which have neither; leave both out, or --record"
         )
-    gap = gap_of(options.gap or [])
+    gap, seeds = gap_of(options.gap or []), seeds_from(options.first_seed, options.seeds)
     specs = [
         ExamSpec(
             scenario,
-            range(options.first_seed, options.first_seed + options.seeds),
+            seeds,
             vehicles=options.vehicles,
             vehicle=options.vehicle,
             level=options.level,

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from race_agents.commands.exam_watch import examined
 from race_server.cli.document import AsJson
-from race_server.cli.options import names_in
+from race_server.cli.options import names_in, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
@@ -35,9 +35,8 @@ def coaching(
     names = names_in(tracks)
     if not names:
         raise ScenarioError("--tracks is empty; name one or more, separated by commas")
-    specs = [
-        CoachingExamSpec(name, vehicle, range(first_seed, first_seed + seeds)) for name in names
-    ]
+    chosen = seeds_from(first_seed, seeds)
+    specs = [CoachingExamSpec(name, vehicle, chosen) for name in names]
     examined(
         lambda watch: {"rows": [document_of(spec, list(examine(spec, watch))) for spec in specs]},
         _show_all,

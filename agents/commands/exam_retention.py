@@ -7,6 +7,7 @@ from rich.table import Table
 
 from race_agents.commands.exam_watch import examined
 from race_server.cli.document import AsJson
+from race_server.cli.options import seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.terminal import Console
 
@@ -29,7 +30,7 @@ def retention(
     """
     from race_agents.pupils.retention import RetentionSpec, document_of, school_all
 
-    spec = RetentionSpec(track, vehicle, range(first_seed, first_seed + pupils))
+    spec = RetentionSpec(track, vehicle, seeds_from(first_seed, pupils))
     examined(lambda watch: document_of(spec, list(school_all(spec, watch))), _show, as_json=as_json)
 
 

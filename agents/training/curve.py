@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from race_server.kept_file import write_together
 from race_server.pictures import save
 
 Panels = dict[str, tuple[str, ...]]
@@ -65,13 +66,34 @@ def append(path: Path, point: Point) -> None:
 
 
 def cut(path: Path, steps: int) -> None:
-    """Leave out the rows of decisions that a checkpoint does not know of: they are made again."""
+    """Leave out the rows of decisions that a checkpoint does not know of: they are made again.
+
+    A row that was cut off, as by a full disk, goes with them, and a table without a head as a
+    whole.
+    """
     if not path.is_file():
         return
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-    place = _head_of(path).index("steps")
-    kept = [line for line in lines[1:] if int(line.split(",")[place]) <= steps]
-    path.write_text("".join([*lines[:1], *kept]), encoding="utf-8")
+    text = path.read_bytes().decode("utf-8", errors="replace")
+    head, *lines = text.splitlines(keepends=True) or [""]
+    names = head.rstrip("\r\n").split(",")
+    if not head.endswith("\n") or not {"minutes", "steps"} <= set(names):
+        path.unlink()
+        return
+    kept = [line for line in lines if 0 <= _steps_in(line, names) <= steps]
+    write_together({path: "".join([head, *kept]).encode()})
+
+
+def _steps_in(line: str, names: list[str]) -> int:
+    """Return the decisions that a row tells of; -1 if it is no whole row of numbers."""
+    cells = line.rstrip("\r\n").split(",")
+    if not line.endswith("\n") or len(cells) != len(names):
+        return -1
+    row = dict(zip(names, cells, strict=True))
+    try:
+        _ = [float(cell) for cell in cells if cell]
+        return int(row["steps"]) if row["minutes"] else -1
+    except ValueError:
+        return -1
 
 
 def _head_of(path: Path) -> list[str]:

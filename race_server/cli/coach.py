@@ -9,6 +9,7 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
+from race_server.core.seeds import MOST_SEED
 from race_server.pictures import check_picture
 from race_server.terminal import Console
 
@@ -30,7 +31,9 @@ def coach(
     ] = "hangar-400",
     vehicle: Annotated[str, typer.Option(help="Of a driver: its vehicle.")] = "kart-60",
     laps: Annotated[int, typer.Option(min=1, help="Of a driver: laps after a flying start.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="Of a driver: seed of the run.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Of a driver: seed of the run.")
+    ] = 1,
     only: Annotated[
         str, typer.Option("--driver", help="Of a recording: only this driver. Default: all.")
     ] = "",

@@ -9,6 +9,7 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.findings import print_findings
 from race_server.cli.options import Picture, picture_of
+from race_server.core.seeds import MOST_SEED
 from race_server.errors import LotError
 from race_server.terminal import Console, say
 
@@ -58,7 +59,7 @@ def list_lots(as_json: AsJson = False) -> None:
 @app.command()
 def show(
     name: LotName,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the round to draw.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the round to draw.")] = 0,
     vehicle: Vehicle = "",
     vehicles: Vehicles = 1,
     to: Picture = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
 
 Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
@@ -47,6 +48,20 @@ def picture_of(name: str) -> Path:
 def names_in(text: str) -> tuple[str, ...]:
     """Return the names of a comma-separated list."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def seeds_from(first: int, count: int) -> range:
+    """Return the seeds of `count` tasks, that of the first and those that count up from it.
+
+    Raises:
+        ScenarioError: the last one is larger than a seed can be.
+    """
+    if first + count - 1 > MOST_SEED:
+        raise ScenarioError(
+            f"--first-seed {first}: the last of {count} seeds is {first + count - 1}, and a seed "
+            f"may be {MOST_SEED}; choose a smaller one"
+        )
+    return range(first, first + count)
 
 
 def known_drivers(text: str) -> tuple[str, ...]:

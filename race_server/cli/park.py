@@ -10,6 +10,7 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import Results
 from race_server.cli.serve_options import VALET
 from race_server.cli.start import StartOptions, start_session
+from race_server.core.seeds import MOST_SEED
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class ParkOptions:
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. Default: the one that the car park is made for.")
     ] = ""
-    seed: Annotated[int, typer.Option(help="Seed of the round.")] = 1
+    seed: Annotated[int, typer.Option(max=MOST_SEED, help="Seed of the round.")] = 1
     pace: Annotated[
         str, typer.Option(help="real: 60 ticks a second. lockstep: wait for every driver.")
     ] = "real"

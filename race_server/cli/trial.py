@@ -11,7 +11,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in
+from race_server.cli.options import Unfit, drivers_for, names_in, seeds_from
 from race_server.errors import ResultsError, ScenarioError
 from race_server.terminal import Console, TextColumn
 
@@ -176,7 +176,11 @@ def _gaps(options: TrialOptions) -> "list[Gap]":
 
 
 def _specs(options: TrialOptions, names: tuple[str, ...], gaps: "list[Gap]") -> "list[RunSpec]":
-    """Return a run for each combination of track, vehicle, gap, driver and seed."""
+    """Return a run for each combination of track, vehicle, gap, driver and seed.
+
+    Raises:
+        ScenarioError: no track or vehicle is named, or a seed is too large.
+    """
     from race_server.competition.time_trial.run_spec import RunSpec, run_specs_of
 
     like = RunSpec(
@@ -191,7 +195,7 @@ def _specs(options: TrialOptions, names: tuple[str, ...], gaps: "list[Gap]") -> 
         _names(options.tracks, "--tracks"),
         _names(options.vehicles, "--vehicles"),
         gaps,
-        range(options.first_seed, options.first_seed + options.seeds),
+        seeds_from(options.first_seed, options.seeds),
         like,
     )
 

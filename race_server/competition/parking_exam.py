@@ -4,6 +4,7 @@ Many tasks are driven side by side, each in a world of one batch. Several vehicl
 a driver each.
 """
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
-from race_server.core.seeds import HELD_OUT
+from race_server.core.seeds import HELD_OUT, MOST_SEED
 from race_server.core.state import Float32s, Floats
 from race_server.core.traffic import STANDING, Traffic
 from race_server.envs.batch import Batch
@@ -92,7 +93,8 @@ class ExamSpec:
         Raises:
             ScenarioError: the delay is no whole number of decisions.
         """
-        delay = round(self.delay_s / DECISION_S)
+        is_finite = math.isfinite(self.delay_s)
+        delay = round(self.delay_s / DECISION_S) if is_finite else -1
         if abs(delay * DECISION_S - self.delay_s) > 1e-6 or not 0 <= delay <= MOST_DELAY:
             raise ScenarioError(
                 f"delay {self.delay_s:g} s: drivers decide every {DECISION_S:g} s, choose a "
@@ -136,8 +138,10 @@ def drive_exam(
         DriverError: the driver is unknown, cannot park, or not with this vehicle.
     """
     seeds = list(spec.seeds)
-    if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"seeds {seeds[:3]}: give one or more, none below zero")
+    if not seeds or min(seeds) < 0 or max(seeds) > MOST_SEED:
+        raise ScenarioError(
+            f"seeds {seeds[:3]}: give one or more, none below zero or from 2**63 on"
+        )
     scenario, count = spec.scenario_of(), min(SIDE_BY_SIDE, len(seeds))
     drivers = [[make(name) for _ in range(spec.vehicles)] for _ in range(count)]
     batch = Batch(spec.task_of(scenario, drivers[0][0].preset), worlds=count)

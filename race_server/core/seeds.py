@@ -4,3 +4,5 @@
 HELD_OUT = 1_000_000
 # A training that is resumed goes on with seeds from here on.
 RESUMED = 2**31
+# A world keeps its seed in 64 bits with a sign.
+MOST_SEED = 2**63 - 1

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 from race_server.core import codes
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.errors import ScenarioError
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.race import Rules, Scenario
+from race_server.scenario.track.limits import LEAST_ROUND_S, MOST_ROUND_S
 
 # Nothing of a race but the clock; a touch is a crash.
 LOT_RULES = Rules(
@@ -35,8 +37,13 @@ def parking_scenario(
     vehicle, level, limit_s: as the lot says, unless given.
 
     Raises:
-        LotError, VehicleError, ScenarioError: one of them does not exist.
+        LotError, VehicleError, ScenarioError: one of them does not exist, or is no time limit.
     """
+    if limit_s and not LEAST_ROUND_S <= limit_s <= MOST_ROUND_S:
+        raise ScenarioError(
+            f"time limit {limit_s:g} s: choose {LEAST_ROUND_S:g} to {MOST_ROUND_S:g} s, or 0 for "
+            "that of the lot"
+        )
     course = load_lot(lot)
     assert course.lot is not None
     return Scenario(

@@ -54,6 +54,10 @@ def sensor_records(lidar: Lidar, radar: Radar) -> Records:
     record = np.zeros(1, SENSORS)
     pair: tuple[tuple[str, Lidar | Radar], ...] = (("lidar", lidar), ("radar", radar))
     for kind, sensor in pair:
+        if not 0.0 <= sensor.noise <= sensor.reach:
+            raise ScenarioError(
+                f"{kind} noise of {sensor.noise:g} m: choose 0 to {sensor.reach:g} m, its reach"
+            )
         for name in ("reach", "ahead", "field", "noise"):
             record[f"{kind}_{name}"] = getattr(sensor, name)
         record[f"{kind}_period_ticks"] = max(ticks_of(sensor.period_s), 1)

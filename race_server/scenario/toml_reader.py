@@ -1,6 +1,6 @@
 """The values of a settings file, taken out one by one and checked."""
 
-import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,7 +28,11 @@ class TomlReader:
 
     def wrong(self, key: str, value: object, way_out: str) -> RaceError:
         """Return the error that names a key, its value and what to give instead."""
-        return self.error(f"{self.file}: {key} = {str(value)[:60]!r}: {way_out}")
+        try:
+            text = str(value)[:60]
+        except ValueError:  # of an integer in hexadecimal that Python writes in no other way
+            text = "an integer of thousands of digits"
+        return self.error(f"{self.file}: {key} = {text!r}: {way_out}")
 
     def take(self, key: str, default: Any) -> Any:
         """Take a value out, unchecked."""
@@ -117,5 +121,7 @@ class TomlReader:
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Return whether a value is a finite number, and no integer beyond all of them."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) <= sys.float_info.max

@@ -9,7 +9,10 @@ import typer
 from typer.testing import CliRunner
 
 from race_server.cli.option_fields import argv_of, expand_options
+from race_server.cli.options import seeds_from
 from race_server.cli.serve_options import RaceOptions, ServeOptions
+from race_server.core.seeds import MOST_SEED
+from race_server.errors import ScenarioError
 
 
 @dataclass(frozen=True)
@@ -96,3 +99,39 @@ def test_the_server_of_a_started_race_is_given_what_the_race_was_given() -> None
     commands: Any = typer.main.get_command(app)
     context = commands.commands["serve"].make_context("serve", argv_of(given))
     assert ServeOptions(**context.params) == given
+
+
+def test_seeds_count_up_to_the_largest_and_not_beyond() -> None:
+    assert seeds_from(MOST_SEED - 1, 2)[-1] == 2**63 - 1
+    with pytest.raises(ScenarioError) as told:
+        seeds_from(MOST_SEED, 2)
+    assert str(told.value) == (
+        "--first-seed 9223372036854775807: the last of 2 seeds is 9223372036854775808, and a seed "
+        "may be 9223372036854775807; choose a smaller one"
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "lot show gate --seed",
+        "park --seed",
+        "start --seed",
+        "serve --seed",
+        "coach raceline --seed",
+        "trial --first-seed",
+        "exam parking --first-seed",
+        "exam coaching --first-seed",
+        "exam retention --first-seed",
+    ],
+)
+def test_a_seed_of_2_to_the_63_is_refused_where_options_are_read(words: str) -> None:
+    from race_server.cli.main import app
+
+    told = CliRunner().invoke(app, [*words.split(), str(2**63)])
+    assert told.exit_code != 0
+    if isinstance(told.exception, SystemExit):
+        assert "9223372036854775807" in told.output
+    else:
+        assert isinstance(told.exception, ScenarioError)
+        assert "--first-seed 9223372036854775808: the last of" in str(told.exception)

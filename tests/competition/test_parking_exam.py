@@ -1,6 +1,7 @@
 """The exam of parking: who may take it, what it asks, and what it tells."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -96,8 +97,18 @@ def test_a_gap_that_is_none_is_refused_with_the_factors_that_there_are() -> None
 def test_questions_that_make_no_task_are_refused() -> None:
     with pytest.raises(ScenarioError, match=r"delay 0.05 s: drivers decide every 0.1 s"):
         next(drive_exam(ExamSpec("1", [1], delay_s=0.05), "ahead", lambda _: Ahead()))
-    with pytest.raises(ScenarioError, match="none below zero"):
-        next(drive_exam(ExamSpec("1", [-1]), "ahead", lambda _: Ahead()))
+    for delay_s in (math.nan, math.inf, -math.inf, -0.1, 99.0):
+        with pytest.raises(ScenarioError, match=rf"delay {delay_s:g} s: drivers decide every"):
+            next(drive_exam(ExamSpec("1", [1], delay_s=delay_s), "ahead", lambda _: Ahead()))
+    for noise in (math.nan, math.inf, -0.1):
+        with pytest.raises(ScenarioError, match=rf"lidar noise of {noise:g} m: choose 0 to 8 m"):
+            next(drive_exam(ExamSpec("1", [1], noise=noise), "ahead", lambda _: Ahead()))
+    for limit_s in (-5.0, 1e-9, math.nan, math.inf):
+        with pytest.raises(ScenarioError, match=rf"time limit {limit_s:g} s: choose 1 to 3600 s"):
+            next(drive_exam(ExamSpec("1", [1], limit_s=limit_s), "ahead", lambda _: Ahead()))
+    for seed in (-1, 2**63):
+        with pytest.raises(ScenarioError, match=r"none below zero or from 2\*\*63 on"):
+            next(drive_exam(ExamSpec("1", [seed]), "ahead", lambda _: Ahead()))
     with pytest.raises(LotError, match="lot 'moon' is unknown"):
         next(drive_exam(ExamSpec("moon", [1]), "ahead", lambda _: Ahead()))
 

@@ -293,8 +293,8 @@ def test_a_team_keeps_to_pettingzoo() -> None:
 
 
 def test_a_round_of_several_begins_again_once_all_are_done() -> None:
-    batch = Batch(parking_task("gate", vehicles=2, limit_s=0.5), after=REENTER)
-    for _ in range(12):  # a round takes 6 decisions
+    batch = Batch(parking_task("gate", vehicles=2, limit_s=1.0), after=REENTER)
+    for _ in range(22):  # a round takes 11 decisions
         batch.step(np.array([[STAND, STAND]], np.float32))
         assert not batch.buffers.idle.any()  # both are late in the same decision
     assert batch.buffers.rounds["number"][0] == 3

@@ -1,5 +1,6 @@
 """Reality gaps by name: what a trial lets go wrong between the driver and the car."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -136,7 +137,7 @@ def custom_gap(noise: float | None, dropouts: float | None, delay_ms: float | No
 
 def _decisions(delay_ms: float) -> int:
     step_ms = 1000.0 * DECISION_S
-    delay = round(delay_ms / step_ms)
+    delay = round(delay_ms / step_ms) if math.isfinite(delay_ms) else -1
     if abs(delay * step_ms - delay_ms) > 0.5 or not 0 <= delay <= MOST_DELAY:
         raise ScenarioError(
             f"delay {delay_ms:g} ms: drivers decide every {step_ms:.0f} ms, choose a multiple of "

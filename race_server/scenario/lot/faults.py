@@ -19,6 +19,7 @@ def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
     yield from _small_slots(course, vehicle)
     yield from _hidden_slots(course)
     yield from _shared_slots(course)
+    yield from _large_taken(course)
 
 
 def slots_of(course: Course) -> list[Footprint]:
@@ -79,3 +80,18 @@ def _shared_slots(course: Course) -> Iterator[str]:
                 f"slots {one} and {other} overlap near ({slots[other].x:.2f}, "
                 f"{slots[other].y:.2f}) m: two vehicles with one place; move a row"
             )
+
+
+def _large_taken(course: Course) -> Iterator[str]:
+    """What is parked in a slot must not reach out of it: into the next one, the aisle, a wall."""
+    lot = course.lot
+    assert lot is not None
+    if not lot.taken.share or not len(lot.slots):
+        return
+    length, width = lot.slots[:, 3:].min(axis=0).tolist()
+    if lot.taken.length > length + EQUAL or lot.taken.width > width + EQUAL:
+        yield (
+            f"[taken] of {lot.taken.length:g} by {lot.taken.width:g} m: slots are from {length:g} "
+            f"by {width:g} m on, and what is parked in one must not reach out of it; make it "
+            "smaller, or the slots larger"
+        )

@@ -20,9 +20,11 @@ from race_server.scenario.toml_reader import TomlReader
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.generated import PREFIX
 from race_server.scenario.track.limits import (
+    LEAST_ROUND_S,
     MOST_BLOCKS,
     MOST_OBSTACLES,
     MOST_PEOPLE,
+    MOST_ROUND_S,
     MOST_SLOT_ROWS,
     MOST_ZONES,
 )
@@ -83,12 +85,12 @@ def _lot_of(name: str, file: str, text: str) -> Course:
         slots=slots_in(reader, "rows"),
         zones=tuple(_zone(one, area) for one in reader.tables("zones")),
         slot_size=reader.pair("slot") or (3.0, 2.0),
-        distance=reader.pair("distance") or (0.0, 0.0),
+        distance=_distance(reader),
         taken=_taken(reader.table("taken")),
         blocks=_blocks(reader.table("blocks")),
         people=_people(reader.table("people")),
         vehicle=reader.text("vehicle", "kart-13"),
-        limit_s=reader.number("limit_s", 60.0, 1.0, 3600.0),
+        limit_s=reader.number("limit_s", 60.0, LEAST_ROUND_S, MOST_ROUND_S),
         level=reader.choice("level", tuple(LEVELS), "parked"),
         from_slots=reader.yes("from_slots"),
     )
@@ -111,6 +113,14 @@ def _area(reader: TomlReader) -> tuple[float, float, float, float]:
             way_out = f"give x0, x1, y0, y1 with sides of 1 to {LARGEST:g} m"
             raise reader.wrong("area", [x0, x1, y0, y1], way_out)
     return x0, x1, y0, y1
+
+
+def _distance(reader: TomlReader) -> tuple[float, float]:
+    nearest, farthest = reader.pair("distance") or (0.0, 0.0)
+    if nearest < 0.0 or (farthest != 0.0 and farthest <= nearest):
+        way_out = "give nearest and farthest, the second larger, or 0 for no limit"
+        raise reader.wrong("distance", [nearest, farthest], way_out)
+    return nearest, farthest
 
 
 def _walls(reader: TomlReader) -> list[Obstacle]:

@@ -1,5 +1,6 @@
 """Check whether a vehicle can race on a course."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,14 @@ import numpy as np
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.occupancy_map import OccupancyMap
-from race_server.scenario.track.polyline import crossings, nearest_on
+from race_server.scenario.track.passage import blocked_at
+from race_server.scenario.track.polyline import (
+    corners_of_box,
+    crossings,
+    is_inside,
+    nearest_on,
+    segments_of,
+)
 
 # Free width that a vehicle needs beside its own, as a share of it.
 ROOM = 0.3
@@ -36,8 +44,10 @@ def check_course(
         *_open_borders(course),
         *_crossing_borders(course),
         *_narrow_places(course, vehicle),
+        *_blocked_places(course, vehicle),
         *_tight_bends(course, vehicle),
         *_start_grid(course, vehicle),
+        *_outside_borders(course),
     ]
 
 
@@ -123,6 +133,17 @@ def _narrow_places(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     return []
 
 
+def _blocked_places(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
+    needed = (1.0 + ROOM) * vehicle.width
+    if not course.obstacles or course.width_min < needed:
+        return []
+    if (blocked := blocked_at(course, needed)) is None:
+        return []
+    x, y = course.line[blocked[0], :2]
+    what = f"obstacles leave {blocked[1]:.2f} m to pass at ({x:.2f}, {y:.2f}); {vehicle.name} needs"
+    return [CourseIssue("error", f"{what} {needed:.2f} m: move them, or make them smaller")]
+
+
 def _tight_bends(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     """Compare each bend with the turning radius.
 
@@ -164,3 +185,41 @@ def _start_grid(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     if len(steps) and steps.min() < vehicle.width:
         found.append(CourseIssue("error", "two grid places overlap"))
     return found
+
+
+def _outside_borders(course: Course) -> list[CourseIssue]:
+    """Return the starts, item boxes and slots that are not wholly between the borders."""
+    starts = [
+        corners_of_box(0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0, x1 - x0, y1 - y0)
+        for x0, x1, y0, y1 in course.starts[:, :4].tolist()
+    ]
+    slots = [corners_of_box(*slot) for slot in course.lot.slots.tolist()] if course.lot else []
+    kinds = (("starts", starts), ("items", list(course.spots[:, None])), ("slots", slots))
+    found = []
+    for name, places in kinds:
+        if outside := _outside(course, places):
+            x, y = places[outside[0]].mean(axis=0)
+            found.append(
+                CourseIssue(
+                    "error",
+                    f"{len(outside)} of {len(places)} {name} reach out of the borders, number "
+                    f"{outside[0] + 1} at ({x:.2f}, {y:.2f}); move them between the borders",
+                )
+            )
+    return found
+
+
+def _outside(course: Course, places: Sequence[Floats]) -> list[int]:
+    """Return which polygons, (3 or more, 2) or one point (1, 2) [m], are not between the borders.
+
+    Those are inside an odd number of the loops that the borders make.
+    """
+    if not places:
+        return []
+    owner = np.repeat(np.arange(len(places)), [len(place) for place in places])
+    outside = set(owner[~is_inside(np.concatenate(places), course.borders)].tolist())
+    sides = np.concatenate([segments_of(place) for place in places])
+    for border, side in crossings(np.concatenate([course.borders, sides])).tolist():
+        if border < len(course.borders) <= side:
+            outside.add(int(owner[side - len(course.borders)]))
+    return sorted(outside)

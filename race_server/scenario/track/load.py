@@ -23,6 +23,7 @@ from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
 from race_server.scenario.track.limits import (
     MOST_GATES,
+    MOST_HALF_WIDTH,
     MOST_ITEMS,
     MOST_OBSTACLES,
     MOST_PLACES,
@@ -164,13 +165,16 @@ class _TrackReader(TomlReader):
         if half_width is None:
             points = self.rows("points", 4, np.zeros((0, 4)))
         else:
-            if not is_number(half_width):
-                raise self.wrong("half_width", half_width, "give a number in metres")
+            if not is_number(half_width) or not 0.0 < half_width <= MOST_HALF_WIDTH:
+                way_out = f"give metres above 0, up to {MOST_HALF_WIDTH:g}"
+                raise self.wrong("half_width", half_width, way_out)
             places = self.rows("points", 2, np.zeros((0, 2)))
             points = np.hstack([places, np.full((len(places), 2), float(half_width))])
-        if len(points) and points[:, 2:].min() <= 0.0:
-            row = int(np.argmin(points[:, 2:].min(axis=1))) + 1
-            raise self.wrong(f"points[{row}]", points[row - 1].tolist(), "half-widths are positive")
+        fits = ((points[:, 2:] > 0.0) & (points[:, 2:] <= MOST_HALF_WIDTH)).all(axis=1)
+        if not fits.all():
+            row = int(np.argmin(fits)) + 1
+            way_out = f"half-widths are above 0 and up to {MOST_HALF_WIDTH:g} m"
+            raise self.wrong(f"points[{row}]", points[row - 1].tolist(), way_out)
         return points
 
     def loop(self, key: str) -> Loop:

@@ -148,12 +148,15 @@ def _parts(points: int, segments: int) -> Iterator[slice]:
 
 def is_inside(points: Floats, segments: Floats) -> NDArray[np.bool_]:
     """Return whether each point lies inside a closed loop of segments."""
-    x, y = points[:, 0, None], points[:, 1, None]
     x0, y0, x1, y1 = segments.T
-    rises = (y0 > y) != (y1 > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
-    return np.asarray(np.sum(rises & (x < crossing), axis=1) % 2 == 1)
+    inside = np.empty(len(points), np.bool_)
+    for rows in _parts(len(points), len(segments)):
+        x, y = points[rows, 0, None], points[rows, 1, None]
+        rises = (y0 > y) != (y1 > y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+        inside[rows] = np.sum(rises & (x < crossing), axis=1) % 2 == 1
+    return inside
 
 
 def crossings(segments: Floats, *, first_only: bool = False) -> NDArray[np.int64]:

@@ -1,0 +1,102 @@
+"""Numbers of a lot that no vehicle can park with, and those at their edges."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from race_server.errors import LotError, ScenarioError
+from race_server.scenario.lot.load import load_lot
+from race_server.scenario.parking import parking_scenario
+from race_server.scenario.track.lot import Lot
+
+BASE = """
+area = [0, 40, 0, 20]
+vehicle = "car"
+[[rows]]
+at = [30, 10]
+length = 5.2
+width = 2.5
+[[zones]]
+role = "start"
+x = [5, 10]
+y = [5, 15]
+[taken]
+share = 0.5
+"""
+
+
+def lot_of(tmp_path: Path, before: str, behind: str = "") -> Lot:
+    path = tmp_path / "lot.toml"
+    path.write_text(f"{before}\n{BASE}{behind}\n")
+    lot = load_lot(str(path)).lot
+    assert lot is not None
+    return lot
+
+
+@pytest.mark.parametrize(
+    ("behind", "size"), [("width = 19", "4.7 by 19"), ("length = 47", "47 by 1.9")]
+)
+def test_what_is_parked_must_not_reach_out_of_its_slot(
+    behind: str, size: str, tmp_path: Path
+) -> None:
+    with pytest.raises(LotError) as told:
+        lot_of(tmp_path, "", behind)
+    assert str(told.value) == (
+        f"lot.toml: [taken] of {size} m: slots are from 5.2 by 2.5 m on, and what is parked in one "
+        "must not reach out of it; make it smaller, or the slots larger"
+    )
+
+
+def test_what_is_parked_may_fill_its_slot(tmp_path: Path) -> None:
+    assert lot_of(tmp_path, "", "length = 5.2\nwidth = 2.5").taken.width == 2.5
+
+
+def test_where_nothing_is_parked_its_size_does_not_matter(tmp_path: Path) -> None:
+    path = tmp_path / "lot.toml"
+    path.write_text(BASE.replace("share = 0.5", "width = 19"))
+    assert load_lot(str(path)).digest
+
+
+@pytest.mark.parametrize("pair", ["[50, 10]", "[10, 10]", "[-10, 50]", "[-10, 0]", "[0, -5]"])
+def test_a_distance_rises_from_zero_or_more(pair: str, tmp_path: Path) -> None:
+    with pytest.raises(LotError, match=r"distance = .*: give nearest and farthest, the second lar"):
+        lot_of(tmp_path, f"distance = {pair}")
+
+
+@pytest.mark.parametrize("pair", [(0.0, 0.0), (5.0, 0.0), (0.0, 32.0), (10.0, 50.0)])
+def test_zero_sets_no_limit_to_a_distance(pair: tuple[float, float], tmp_path: Path) -> None:
+    assert lot_of(tmp_path, f"distance = {list(pair)}").distance == pair
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (f"limit_s = {'9' * 400}", "limit_s = '9{60}': give a number from 1 to 3600"),
+        (f"limit_s = -{'9' * 400}", "limit_s = '-9{59}': give a number from 1 to 3600"),
+        (f"slot = [{'9' * 400}, 2]", "slot = .*: give 2 numbers, each up to 100000"),
+        # Python writes no integer of more than 4300 digits, and reads one in hexadecimal.
+        (f"limit_s = 0x{'f' * 9000}", "limit_s = 'an integer of thousands of digits': give a"),
+        (f"slot = [0x{'f' * 9000}, 2]", "slot = 'an integer of thousands of digits': give 2"),
+    ],
+)
+def test_an_integer_of_hundreds_of_digits_is_refused_in_one_sentence(
+    line: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(LotError, match=message) as told:
+        lot_of(tmp_path, line)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("limit_s", [-5.0, 1e-9, 0.99, 3600.1, math.nan, math.inf])
+def test_a_time_limit_is_refused_that_no_lot_may_have(limit_s: float) -> None:
+    with pytest.raises(ScenarioError) as told:
+        parking_scenario("gate", limit_s=limit_s)
+    assert str(told.value) == (
+        f"time limit {limit_s:g} s: choose 1 to 3600 s, or 0 for that of the lot"
+    )
+
+
+@pytest.mark.parametrize(("limit_s", "taken"), [(0.0, 180.0), (1.0, 1.0), (3600.0, 3600.0)])
+def test_a_time_limit_of_zero_is_that_of_the_lot(limit_s: float, taken: float) -> None:
+    assert parking_scenario("gate", limit_s=limit_s).rules.limit_s == taken
