@@ -97,7 +97,7 @@ class Objects:
             best.kind = kind if best.scans < BORN or kind == best.kind else best.kind
             after = float(best.state[2:] @ ray)
             # In a bend a thing beside is pulled across its way, along the ray as well: of what is
-            # seen along the ray, the share of its direction is slowing.
+            # seen along the ray, the share along its way is slowing.
             share = abs(after) / max(math.hypot(*best.state[2:].tolist()), STANDS)
             slows = share * (before - after) / max(dt, 1e-3)
             best.slowing += 0.2 * (slows - best.slowing)

@@ -39,10 +39,10 @@ ASKED, ASKED_S = 0.05, 0.5
 MOST_TURN, MOST_FELT, MOST_ANGLE, MOST_PLACE = 20.0, 100.0, 1.5, 1e6
 # Beyond any heading [rad], any speed of a receiver [m/s], any time of its clock [s].
 MOST_HEADING, MOST_SPEED, MOST_STAMP = 1e3, 200.0, 1e12
-# Borders tell the kart's own speed by at least so many echoes within this angle of its nose [rad],
-# and that is known for this long [s].
+# Borders tell the kart's own speed by this number of echoes at least, within this angle [rad] of
+# its nose, and that is known for this long [s].
 BORDERS, FRONT, SEEN_S = 4, 0.8, 0.6
-# Two fixes this long [s] apart tell how far the kart came, less so many of their deviations.
+# Two fixes this long [s] apart tell how far the kart came, less this multiple of their deviation.
 APART_S, SURE = 0.5, 6.0
 # A kart without one of these cannot see people, and stands.
 EYES = (Sensor.RADAR,)
