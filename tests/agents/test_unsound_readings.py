@@ -116,10 +116,10 @@ def fixed(**values: Any) -> Change:
 )
 def test_one_number_that_cannot_be_blinds_no_kart(change: Change) -> None:
     drive = Drive(change=once(300, change), person=70.0)
-    drive.go(8.5)
+    drive.go(13.5)
     assert np.isfinite(drive.unit.fusion.state).all()  # type: ignore[union-attr]
     assert drive.speed == 0.0
-    assert 60.0 < drive.x + drive.unit.limits.nose < 70.0
+    assert 68.0 < drive.x + drive.unit.limits.nose < 70.0
 
 
 def test_a_kart_whose_estimate_is_no_number_brakes() -> None:
@@ -223,6 +223,6 @@ def test_what_a_radar_calls_by_an_unknown_number_is_a_thing() -> None:
         return replace(readings, echoes=replace(echoes, kinds=kinds))
 
     drive = Drive(change=unknown, person=70.0)
-    drive.go(8.5)
+    drive.go(13.5)
     assert drive.speed == 0.0
     assert drive.x + drive.unit.limits.nose < 70.0
