@@ -130,7 +130,7 @@ class SensorWatch:
             None if readings.echoes is None else self._speed_by_borders(readings.echoes),
             None if readings.fix is None else self._speed_by_fixes(readings.fix),
         ]
-        if known := [each for each in told if each is not None]:
+        if known := [each for each in told if each is not None and abs(each) <= MOST_SPEED]:
             self._seen = self._now_s, max(known)
         at, seen = self._seen
         is_fresh = 0.0 <= self._now_s - at <= SEEN_S

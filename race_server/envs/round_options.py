@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from race_server.core.seeds import MOST_SEED
 from race_server.core.state import World
 from race_server.envs.buffers import Buffers
 from race_server.envs.reality_gap import FACTORS
@@ -15,7 +16,6 @@ from race_server.scenario.race import Scenario
 
 # PettingZoo's own tests send this.
 MEANINGLESS = {"options"}
-MOST_SEED = (1 << 63) - 1
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,7 @@ def test_a_lorry_that_does_what_the_teacher_says_docks(tmp_path: Path) -> None:
     assert [batch.episode_of(w, 0)["ending"] for w in range(2)] == ["parked"] * 2
 
 
+@pytest.mark.slow
 def test_a_lorry_is_settled_where_its_trailer_stands_in_its_place(tmp_path: Path) -> None:
     world = yard(tmp_path).world
     body, vehicle, parker = world.bodies[0, 0], world.vehicles[0, 0], world.parking.parkers[0, 0]

@@ -46,6 +46,7 @@ def test_a_lap_is_a_success_and_ends_the_episode(monkeypatch: pytest.MonkeyPatch
     assert drive(leaves=3) == [on, on, (True, False, False)]
 
 
+@pytest.mark.slow
 def test_many_cars_are_told_of_the_end_of_one() -> None:
     vector: Any = gymnasium.make_vec(PARK_COMPATIBLE, num_envs=2)
     cars = ManyCars(vector)
