@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from race_server.core import codes
@@ -150,6 +150,8 @@ def test_a_fan_sees_a_body_exactly_where_its_rays_meet_the_box(
     see_body(looks, body, codes.KART_HIT, ranges, kinds)
     bc, bs = math.cos(heading), math.sin(heading)
     u, v = -(x * bc + y * bs) - 0.1, x * bs - y * bc
+    # On its very outline both answers are right: the body is touched, and seen from outside.
+    assume(abs(max(abs(u) - 0.25, abs(v) - 0.1)) > 1e-6)
     for (c, s), found, kind in zip(rays, ranges, kinds, strict=True):
         c, s = cos * c - sin * s, sin * c + cos * s
         alone = ray_to_box(u, v, c * bc + s * bs, s * bc - c * bs, 0.25, 0.1)
