@@ -68,7 +68,7 @@ def confirmed(echoes: Echoes, earlier: Sequence[Scan], tracks: Sequence[Track] =
     if len(echoes.x) == 0:
         return echoes
     beside = _is_near(echoes, echoes)
-    np.fill_diagonal(beside, val=False)
+    beside.reshape(-1)[:: len(echoes.x) + 1] = False  # none lies beside itself
     is_thing = echoes.kinds != codes.BORDER
     votes = np.zeros((2, len(echoes.x)), np.int64)  # for a border, for a thing
     times = np.zeros(len(echoes.x), np.int64)
@@ -80,10 +80,13 @@ def confirmed(echoes: Echoes, earlier: Sequence[Scan], tracks: Sequence[Track] =
         votes[1] += (near & thing).any(axis=1)
         votes[0] += (near & ~thing).any(axis=1) & ~(near & thing).any(axis=1)
     around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
-    around[0] += _lies_on_border(echoes)
+    if is_thing.any():
+        around[0] += _lies_on_border(echoes)
     kept = (times >= 1) | (beside.sum(axis=1) >= BESIDE)
-    appears = (times <= 1) & (_seen_through(echoes, earlier) >= CLEAR)
-    for track in tracks:
+    appears = times <= 1
+    if appears.any():
+        appears[appears] = _seen_through(echoes.kept(appears), earlier) >= CLEAR
+    for track in tracks if appears.any() else ():
         is_like = (echoes.kinds == codes.KART_HIT) == (track.kind == codes.KART_HIT)
         near = np.hypot(echoes.x - track.state[0], echoes.y - track.state[1]) < GATE
         appears &= ~(is_like & near)

@@ -181,7 +181,7 @@ class ControlUnit:
         if self.fusion is None or self.hud is None:
             self.command = Command()
             return self.command
-        if not np.isfinite(self.fusion.state).all():  # it does not know where it is
+        if not math.isfinite(self.fusion.state.sum()):  # it does not know where it is
             self.command = Command(cause=Cause.SENSOR)
             return self.command
         speed = float(self.fusion.state[SPEED])

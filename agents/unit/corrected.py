@@ -3,6 +3,8 @@
 Readings that are refused again and again raise doubt in the state itself.
 """
 
+import math
+
 import numpy as np
 
 from race_agents.unit.motion import (
@@ -10,6 +12,7 @@ from race_agents.unit.motion import (
     COMPLIANCE,
     DELAY,
     HEADING,
+    IDENTITY,
     SCALE,
     SIZE,
     SLIDE,
@@ -65,15 +68,16 @@ class Corrected:
         shared: its covariance with the state; spread: the variance of its residual.
         """
         gain = shared / spread
-        state = self.state + gain * residual
-        state[HEADING] = wrap(float(state[HEADING]))
-        self.state = state
+        self.state = state = self.state + gain * residual
+        if abs(state[HEADING]) > math.pi:
+            state[HEADING] = wrap(float(state[HEADING]))
         self.covariance = self.covariance - gain[:, None] * shared
 
     def _update(self, sensor: str, residual: Floats, slope: Floats, noise: Floats) -> bool:
         """Take two numbers at once; False if they were not believed."""
         spread = slope @ self.covariance @ slope.T + noise
-        inverse = np.linalg.inv(spread)
+        (first, both), (_, second) = spread.tolist()
+        inverse = np.array([[second, -both], [-both, first]]) / (first * second - both * both)
         self.squares[sensor] = float(residual @ inverse @ residual)
         if not self.squares[sensor] <= GATE_TWO:
             return False
@@ -81,7 +85,7 @@ class Corrected:
         gain = self.covariance @ slope.T @ inverse
         self.state = self.state + gain @ residual
         self.state[HEADING] = wrap(float(self.state[HEADING]))
-        keep = np.eye(SIZE) - gain @ slope
+        keep = IDENTITY - gain @ slope
         self.covariance = keep @ self.covariance @ keep.T + gain @ noise @ gain.T
         return True
 

@@ -122,9 +122,11 @@ def assess(
         is_young = track.scans < BORN
         if track.scans < SEEN or (is_young and (is_kart or track.missed)):
             continue
-        both = [danger_of(track, speed, curvature, limits) for curvature in (now, wanted)]
+        danger = danger_of(track, speed, now, limits)
         # Who steers past a kart passes it; a person on either way is in danger.
-        danger = (min if is_kart else max)(both, key=severity_of)
+        if not is_kart or danger is not NO_DANGER:
+            other = danger_of(track, speed, wanted, limits)
+            danger = (min if is_kart else max)(danger, other, key=severity_of)
         worst = max(worst, danger, key=severity_of)
     return worst
 

@@ -126,6 +126,8 @@ class SensorWatch:
 
         An estimate follows wheels that tell a stand. Borders come nearer, and fixes go on.
         """
+        if abs(speed) > MOVES:
+            return True
         told = [
             None if readings.echoes is None else self._speed_by_borders(readings.echoes),
             None if readings.fix is None else self._speed_by_fixes(readings.fix),
@@ -134,7 +136,7 @@ class SensorWatch:
             self._seen = self._now_s, max(known)
         at, seen = self._seen
         is_fresh = 0.0 <= self._now_s - at <= SEEN_S
-        return max(abs(speed), seen if is_fresh else 0.0) > MOVES
+        return is_fresh and seen > MOVES
 
     def _speed_by_fixes(self, fix: Fix) -> float | None:
         """Return the speed [m/s] that a fix tells, or else the way since an earlier one."""
