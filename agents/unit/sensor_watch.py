@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.unit.limits import Limits
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
 from race_server.core import codes
@@ -154,9 +155,7 @@ class SensorWatch:
 
     def _speed_by_borders(self, echoes: Echoes) -> float | None:
         """Return the speed [m/s] at which borders come nearer, None where few are seen."""
-        vehicle = self.vehicle
-        nose = vehicle.rear_axle + vehicle.box_offset + 0.5 * vehicle.length
-        ways = np.arctan2(echoes.y, echoes.x - nose)
+        ways = np.arctan2(echoes.y, echoes.x - Limits.of(self.vehicle).nose)
         used = (echoes.kinds == codes.BORDER) & (np.abs(ways) < FRONT)
         if np.count_nonzero(used) < BORDERS:
             return None

@@ -18,20 +18,9 @@ from race_server.scenario.lot.check import check_lot
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.ways import cut_off, ways_in
+from support.lots import ONE_BAY
 
-GATE = """
-area = [0, 40, 0, 20]
-walls = [[20, 0, 20, {low}], [20, {high}, 20, 20]]
-vehicle = "car"
-[[rows]]
-at = [30, 10]
-length = 5.2
-width = 2.5
-[[zones]]
-role = "start"
-x = [5, 10]
-y = [5, 15]
-"""
+GATE = f"walls = [[20, 0, 20, {{low}}], [20, {{high}}, 20, 20]]{ONE_BAY}"
 
 rectangles = st.builds(
     Footprint,

@@ -9,21 +9,9 @@ from race_server.errors import LotError, ScenarioError
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.track.lot import Lot
+from support.lots import ONE_BAY
 
-BASE = """
-area = [0, 40, 0, 20]
-vehicle = "car"
-[[rows]]
-at = [30, 10]
-length = 5.2
-width = 2.5
-[[zones]]
-role = "start"
-x = [5, 10]
-y = [5, 15]
-[taken]
-share = 0.5
-"""
+BASE = f"{ONE_BAY}[taken]\nshare = 0.5\n"
 
 
 def lot_of(tmp_path: Path, before: str, behind: str = "") -> Lot:

@@ -22,19 +22,7 @@ from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.polyline import is_inside
 from race_server.scenario.track.walls import fence_of
-
-BASE = """
-area = [0, 40, 0, 20]
-vehicle = "car"
-[[rows]]
-at = [30, 10]
-length = 5.2
-width = 2.5
-[[zones]]
-role = "start"
-x = [5, 10]
-y = [5, 15]
-"""
+from support.lots import ONE_BAY
 
 
 def load(tmp_path: Path, text: str) -> Course:
@@ -174,8 +162,10 @@ def test_another_name_is_told_what_can_be_generated(name: str) -> None:
 
 def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path: Path) -> None:
     corners = "[[15, 5], [20, 5], [20, 8], [16, 9]]"
-    there = load(tmp_path, f"polygons = [{corners}]\n{BASE}")
-    back = load(tmp_path, f"polygons = [{corners[:1]}[16, 9], [20, 8], [20, 5], [15, 5]]]\n{BASE}")
+    there = load(tmp_path, f"polygons = [{corners}]\n{ONE_BAY}")
+    back = load(
+        tmp_path, f"polygons = [{corners[:1]}[16, 9], [20, 8], [20, 5], [15, 5]]]\n{ONE_BAY}"
+    )
     for course in (there, back):
         (polygon,) = polygons_in(course)
         assert len(polygon) == 4
@@ -190,7 +180,7 @@ def test_the_free_side_of_a_polygon_is_on_the_left_of_each_of_its_sides(tmp_path
 
 def test_a_polygon_in_the_corner_of_the_area_leaves_the_area_as_it_is(tmp_path: Path) -> None:
     course = load(
-        tmp_path, f"polygons = [[[0, 0], [0, -9], [-9, 0]], [[0, 0], [4, 0], [0, 4]]]\n{BASE}"
+        tmp_path, f"polygons = [[[0, 0], [0, -9], [-9, 0]], [[0, 0], [4, 0], [0, 4]]]\n{ONE_BAY}"
     )
     assert summary(course)["size_m"] == [40.0, 20.0]
     assert cut_off(course, CAR) == []
@@ -230,80 +220,83 @@ def test_the_page_on_parking_has_a_row_for_every_lot_and_every_level() -> None:
 # What is wrong
 
 FAULTS = {
-    "vehicle = 'lorry'": (r"vehicle 'lorry' is unknown", BASE.replace('"car"', '"lorry"')),
+    "vehicle = 'lorry'": (r"vehicle 'lorry' is unknown", ONE_BAY.replace('"car"', '"lorry"')),
     "slot too small": (
         r"a slot of 4.5 by 2.5 m is too small for car, which is 4.689 by 1.942 m; make it larger",
-        BASE.replace("5.2", "4.5"),
+        ONE_BAY.replace("5.2", "4.5"),
     ),
     "slot under a wall": (
         r"slot 0 at \(30.00, 10.00\) m lies under the obstacle at \(30.00, 11.00\) m; move one",
-        f"walls = [[25, 11, 35, 11]]\n{BASE}",
+        f"walls = [[25, 11, 35, 11]]\n{ONE_BAY}",
     ),
     "slot inside an obstacle": (
         r"slot 0 at \(30.00, 10.00\) m lies under the obstacle at \(30.00, 10.00\) m; move one",
-        f"obstacles = [[30, 10, 0, 9, 9]]\n{BASE}",
+        f"obstacles = [[30, 10, 0, 9, 9]]\n{ONE_BAY}",
     ),
     "slot under a polygon": (
         r"slot 0 at .* lies under the polygon with a corner at \(30.00, 14.00\) m; move one",
-        f"polygons = [[[30, 10], [34, 10], [30, 14]]]\n{BASE}",
+        f"polygons = [[[30, 10], [34, 10], [30, 14]]]\n{ONE_BAY}",
     ),
     "slot outside": (
         r"slot 0 at \(38.00, 10.00\) m reaches out of the area; move its row",
-        BASE.replace("[30, 10]", "[38, 10]"),
+        ONE_BAY.replace("[30, 10]", "[38, 10]"),
     ),
     "two vehicles with one slot": (
         r"slots 0 and 1 overlap near \(30.00, 11.00\) m: two vehicles with one place; move a row",
-        BASE + "[[rows]]\nat = [30, 11]\nlength = 5.2\nwidth = 2.5\n",
+        ONE_BAY + "[[rows]]\nat = [30, 11]\nlength = 5.2\nwidth = 2.5\n",
     ),
     "pitch less than width": (
         r"slots 0 and 1 overlap near",
-        BASE.replace("width = 2.5", "width = 2.5\ncount = 2\npitch = 2.2\ntowards = 90"),
+        ONE_BAY.replace("width = 2.5", "width = 2.5\ncount = 2\npitch = 2.2\ntowards = 90"),
     ),
     "goal zone outside": (
         r"zones\[2\]: x = '\[30.0, 41.0\]': stay within the area, 0 to 40",
-        BASE + "[[zones]]\nrole = 'goal'\nx = [30, 41]\n",
+        ONE_BAY + "[[zones]]\nrole = 'goal'\nx = [30, 41]\n",
     ),
-    "no start": (r"no start: give a zone with role = 'start'", BASE.replace('"start"', '"goal"')),
+    "no start": (
+        r"no start: give a zone with role = 'start'",
+        ONE_BAY.replace('"start"', '"goal"'),
+    ),
     "no slot": (
         r"no slot: give \[\[rows\]\] of slots or a zone with role = 'goal'",
         "area = [0, 40, 0, 20]\n[[zones]]\nrole = 'start'\n",
     ),
     "blocks without a zone": (
         r"\[blocks\] count = 3: give a zone with role = 'blocks'",
-        BASE + "[blocks]\ncount = [1, 3]\n",
+        ONE_BAY + "[blocks]\ncount = [1, 3]\n",
     ),
     "people without a zone": (
         r"\[people\] count = 2: give a zone with role = 'people'",
-        BASE + "[people]\ncount = 2\n",
+        ONE_BAY + "[people]\ncount = 2\n",
     ),
-    "misspelt": (r"colour = 'red': no such key; see lots/README.md", f"colour = 'red'\n{BASE}"),
-    "no area": (r"area = 'None': give 4 numbers", BASE.replace("area =", "title = 'x' #")),
+    "misspelt": (r"colour = 'red': no such key; see lots/README.md", f"colour = 'red'\n{ONE_BAY}"),
+    "no area": (r"area = 'None': give 4 numbers", ONE_BAY.replace("area =", "title = 'x' #")),
     "large area": (
         r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
-        BASE.replace("40, 0, 20", "400, 0, 2000"),
+        ONE_BAY.replace("40, 0, 20", "400, 0, 2000"),
     ),
     "polygon of two points": (
         r"polygons\[1\] = .*: give 3 to 64 points \[x, y\]",
-        f"polygons = [[[1, 2], [3, 4]]]\n{BASE}",
+        f"polygons = [[[1, 2], [3, 4]]]\n{ONE_BAY}",
     ),
     "polygon on a line": (
         r"polygons\[1\] = .*: its corners lie on one line; give an area, or a wall",
-        f"polygons = [[[1, 2], [3, 4], [5, 6]]]\n{BASE}",
+        f"polygons = [[[1, 2], [3, 4], [5, 6]]]\n{ONE_BAY}",
     ),
     "polygon that crosses itself": (
         r"polygons\[1\] = .*: its sides cross; give its corners in order",
-        f"polygons = [[[15, 1], [20, 3], [20, 1], [15, 4]]]\n{BASE}",
+        f"polygons = [[[15, 1], [20, 3], [20, 1], [15, 4]]]\n{ONE_BAY}",
     ),
     "polygon far away": (
         r"polygons\[1\] = .*: stay within 50 m of the area",
-        f"polygons = [[[15, 1], [20, 1], [20, 99]]]\n{BASE}",
+        f"polygons = [[[15, 1], [20, 1], [20, 99]]]\n{ONE_BAY}",
     ),
     "polygon of words": (
         r"polygons\[1\]\[2\] = 'x': give 2 numbers",
-        f"polygons = [[[15, 1], 'x', [20, 4]]]\n{BASE}",
+        f"polygons = [[[15, 1], 'x', [20, 4]]]\n{ONE_BAY}",
     ),
     "no TOML": (r"no TOML", "area = ["),
-    "level": (r"level = 'loose': choose one of report-a-1", f"level = 'loose'\n{BASE}"),
+    "level": (r"level = 'loose': choose one of report-a-1", f"level = 'loose'\n{ONE_BAY}"),
 }
 
 
@@ -333,7 +326,7 @@ def test_any_number_in_place_of_another_makes_a_lot_or_one_sentence(
 
 
 def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:
-    assert len(lot_of(load(tmp_path, BASE)).slots) == 1
+    assert len(lot_of(load(tmp_path, ONE_BAY)).slots) == 1
 
 
 def test_an_unknown_lot_names_those_that_exist() -> None:
@@ -344,7 +337,7 @@ def test_an_unknown_lot_names_those_that_exist() -> None:
 def test_own_lots_are_found_in_the_folders_of_a_variable(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "mine.toml").write_text(BASE)
+    (tmp_path / "mine.toml").write_text(ONE_BAY)
     monkeypatch.setenv("RACE_LOTS", str(tmp_path))
     assert load_lot("mine").title == "mine"
     assert "mine" in lot_names()

@@ -20,6 +20,20 @@ from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot, People, Zone
 from race_server.session import Session
 
+# A file of one bay at the right end of an area; further keys go before it, tables behind it.
+ONE_BAY = """
+area = [0, 40, 0, 20]
+vehicle = "car"
+[[rows]]
+at = [30, 10]
+length = 5.2
+width = 2.5
+[[zones]]
+role = "start"
+x = [5, 10]
+y = [5, 15]
+"""
+
 AHEAD = KART_13.box_offset  # [m] from the centre of gravity to the middle of the body
 
 
