@@ -4,7 +4,7 @@ Shapes: an observation is (size,) in SI units, see `docs/observations.md`.
 """
 
 import struct
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -30,11 +30,11 @@ _STEPS = struct.Struct("<Q")
 class KartRace(KartAgents):
     """One race. A kart that finishes or retires leaves `agents`."""
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012  # as PettingZoo declares it
         "name": "kart_race_v0",
         "render_modes": list(RENDER_MODES),
         "is_parallelizable": True,
-        "render_fps": 20,
+        "render_fps": 20,  # of the default task
     }
 
     def __init__(
@@ -50,7 +50,9 @@ class KartRace(KartAgents):
         self.max_cycles = max_cycles
         self.render_mode = render_mode
         self.batch = Batch(task or race_task(), seed=None, after=STAY)
-        super().__init__(self.batch.learners, self.batch.task.action)
+        task = self.batch.task
+        super().__init__(self.batch.learners, task.action)
+        self.metadata = {**self.metadata, "render_fps": task.decisions_per_s}
         self._numbers = {agent: k for k, agent in enumerate(self.possible_agents)}
         self.observation_spaces: dict[str, spaces.Space[Any]] = {
             agent: observation_space(self.batch.layout) for agent in self.possible_agents

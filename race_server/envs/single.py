@@ -21,7 +21,7 @@ class OneKart(gymnasium.Env[Any, Any]):
 
     metadata = {
         "render_modes": list(RENDER_MODES),
-        "render_fps": 20,
+        "render_fps": 20,  # of the default task
     }
 
     def __init__(self, task: Task, *, render_mode: str | None = None) -> None:
@@ -37,6 +37,7 @@ class OneKart(gymnasium.Env[Any, Any]):
                 f"{self.batch.learners} karts learn in this task: choose one, or use "
                 "race_server.envs.parallel"
             )
+        self.metadata = {**self.metadata, "render_fps": task.decisions_per_s}
         self.observation_space = observation_space(self.batch.layout)
         self.action_space = action_space(task.action)
         self._camera = Camera(self.batch, render_mode)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
 
+from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.driver import driver_named
 from race_server.core.observation import wants_line
 from race_server.core.state import World
@@ -125,6 +126,11 @@ class Task:
             return replace(self, **mine)
         discipline: Any = mine.pop("discipline", self.discipline)
         return replace(self, discipline=replace(discipline, **rest), **mine)
+
+    @property
+    def decisions_per_s(self) -> int:
+        """How often a kart decides, which is how fast a film of its decisions plays."""
+        return round(TICKS_PER_SECOND / self.decision_ticks)
 
     @property
     def wants_line(self) -> bool:

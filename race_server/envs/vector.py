@@ -74,7 +74,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         self.metadata: dict[str, Any] = {
             "autoreset_mode": self.autoreset_mode,
             "render_modes": list(VECTOR_RENDER_MODES),
-            "render_fps": 20,
+            "render_fps": task.decisions_per_s,
         }
         self.render_mode = render_mode
         self._camera = VectorCamera(self.batch, render_mode)

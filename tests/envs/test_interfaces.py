@@ -93,6 +93,15 @@ def test_vehicles_that_share_a_lot_render_as_pettingzoo_wants() -> None:
     render_test(lambda render_mode: lot(max_cycles=20, render_mode=render_mode))
 
 
+def test_a_film_plays_as_fast_as_vehicles_decide() -> None:
+    karts, vehicles = parallel_env(), lot()
+    assert [each.metadata["render_fps"] for each in (karts, vehicles)] == [20, 10]
+    kart, car = gymnasium.make("Kart/TimeTrial-v0"), gymnasium.make("Kart/ParkGoal-v0")
+    assert [each.metadata["render_fps"] for each in (kart, car)] == [20, 10]
+    vector = gymnasium.make_vec("Kart/Park-v0", num_envs=2)
+    assert vector.metadata["render_fps"] == 10
+
+
 def test_pettingzoo_makes_the_race_by_its_id() -> None:
     race = make("parallel", "Kart/Race-v0", task=ring_task(3))
     assert race.unwrapped.possible_agents == ["kart_0", "kart_1", "kart_2"]

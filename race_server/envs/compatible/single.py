@@ -31,6 +31,8 @@ class CompatibleEnv(gymnasium.Env[Any, Array]):
 
     def _build(self, changes: Mapping[str, Any]) -> None:
         self.cars = type(self).cars_of(changes, 1)
+        pace = self.cars.batch.task.decisions_per_s
+        self.metadata = {**self.metadata, "render_fps": pace}
         self.observation_space = self.cars.observation_space
         self.action_space = self.cars.action_space
         self._camera = Camera(self.cars.batch, self.render_mode)

@@ -36,6 +36,8 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
         self.render_mode = render_mode
         self._camera = VectorCamera(cars.batch, render_mode)
         self.num_envs = cars.batch.worlds
+        pace = cars.batch.task.decisions_per_s
+        self.metadata = {**self.metadata, "render_fps": pace}
         self.single_observation_space = cars.observation_space
         self.single_action_space = cars.action_space
         self.observation_space = batch_space(cars.observation_space, self.num_envs)

@@ -28,6 +28,7 @@ class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
             ScenarioError: there is no such reward.
         """
         self.kart = kart
+        self.metadata = kart.metadata
         self.render_mode = kart.render_mode
         self.view = GoalView.of(kart.batch.task, kart.batch.layout, reward)
         self.observation_space: gymnasium.Space[Any] = self.view.space
