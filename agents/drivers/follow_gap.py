@@ -4,13 +4,14 @@ Needs a lidar and nothing else. Where the scan jumps most, a near edge hides whe
 that is the gap, after Sezer and Gokasan (2012) and the disparity extender of Otterness (2019).
 Without an edge it is the middle of the deepest free directions. The walls on both sides of it make
 a corridor, in whose frame a path is planned as far as one can see; its bends and its end, behind
-which nothing is known, say how fast. Nothing is kept from one scan to the next but a turn round
-nothing: that leads back, and the car turns again.
+which nothing is known, say how fast. Two things are kept from one scan to the next: the way driven,
+across which no way goes on, and a turn round nothing: that leads back, and the car turns again.
 """
 
 import math
 
 from race_agents.planning.corridor import Walls, find_gates, largest_edge
+from race_agents.planning.driven_way import moved_in, rays_across, remember_way, wall_off
 from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, remember_command
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
@@ -68,6 +69,7 @@ def follow(cockpit: Cockpit) -> None:
     rays, field, speed = offsets[-1], setup[FIELD], max(observation[offsets[SPEED]], 0.0)
     path = KEPT + 4 * rays
     fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
+    remember_way(cockpit)
     split, hides = find_gap(memory, rays, field, vehicle)
     estimate_latency(cockpit)
     later = LEAD_S + memory[LATENCY] * setup[DECISION] / THIRDS
@@ -76,13 +78,15 @@ def follow(cockpit: Cockpit) -> None:
     look_ahead(cockpit, rays, field, later)
     wheelbase, width = vehicle.front_axle + vehicle.rear_axle, vehicle.width
     tightest = wheelbase / math.tan(vehicle.steering_limit)
-    walls = Walls(memory, rays, split, hides, HIDDEN_RADIUS * tightest)
-    begin = 0.5 * vehicle.length
-    gates, closed = find_gates(walls, path, SPACING * width, NARROW * width, begin)
     look = LOOK_LENGTHS * vehicle.length + LOOK_S * speed
     grip = vehicle.grip * GRAVITY * observation[offsets[GRIP_SCALE]]
     slow = math.sqrt(grip * tightest)
-    if has_turned_round(cockpit, rays):
+    has_turned = has_turned_round(cockpit, rays)
+    wall_off(memory, rays, field, vehicle.length)
+    walls = Walls(memory, rays, split, hides, HIDDEN_RADIUS * tightest)
+    begin = 0.5 * vehicle.length
+    gates, closed = find_gates(walls, path, SPACING * width, NARROW * width, begin)
+    if has_turned:
         bend, target = memory[SIDE] / tightest, BACK_SHARE * slow
     elif gates < 2:
         bend, target = 2.0 * math.sin(gap) / look, BLIND_SHARE * slow
@@ -110,11 +114,14 @@ def find_gap(memory: Floats, rays: int, field: float, vehicle: Record) -> tuple[
     The side is 1 for left, -1 for right, 0 where no edge hides anything.
     """
     jump = EDGE_LENGTHS * vehicle.length
-    edge = largest_edge(memory, KEPT, rays, field, jump)
+    across = rays_across(memory, rays, field, vehicle.length)
+    edge = largest_edge(memory, KEPT, rays, field, jump, across)
     if edge >= 0:
         return edge, 1.0 if memory[KEPT + edge] > memory[KEPT + edge + 1] else -1.0
     free, half = KEPT + rays, HALF_WIDTHS * vehicle.width
     widen_edges(memory, KEPT, rays, field / (rays - 1), half, jump, memory, free)
+    for ray in range(max(across[0], 0), across[1] + 1):
+        memory[free + ray] = 0.0
     depth = nearest_deepest(memory, free, rays, field)
     angle = middle_of_gap(memory, free, rays, field, DEEP_SHARE * depth)
     ray = int((angle / field + 0.5) * (rays - 1))
@@ -125,14 +132,8 @@ def find_gap(memory: Floats, rays: int, field: float, vehicle: Record) -> tuple[
 def look_ahead(cockpit: Cockpit, rays: int, field: float, later: float) -> None:
     """Write the scan's points as seen from where the kart will be `later` [s]."""
     observation, offsets, memory = cockpit.observation, cockpit.offsets, cockpit.memory
-    turn = later * observation[offsets[YAW_RATE]]
-    ahead, aside = (
-        later * max(observation[offsets[SPEED]], 0.0),
-        later * observation[offsets[LATERAL_SPEED]],
-    )
-    cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
-    dx, dy = ahead * cos - aside * sin - MOUNT, ahead * sin + aside * cos
-    move_scan(memory, rays, field, dx, dy, turn)
+    dx, dy, turn = moved_in(observation, offsets, max(observation[offsets[SPEED]], 0.0), later)
+    move_scan(memory, rays, field, dx - MOUNT, dy, turn)
 
 
 @kernel

@@ -34,15 +34,19 @@ WIDER = 1.5
 
 
 @kernel
-def largest_edge(ranges: Floats, base: int, rays: int, field: float, jump: float) -> int:
+def largest_edge(
+    ranges: Floats, base: int, rays: int, field: float, jump: float, across: tuple[int, int]
+) -> int:
     """Return the ray right of the largest edge, a rise or fall beyond `jump` [m]; -1 for none.
 
     ranges: (n,) [m], the scan from `base` on; rays: of the scan; field: angle between the outermost
-    rays [rad].
+    rays [rad]; across: first and last ray behind whose edges no way goes on, see `rays_across`.
     """
     best, found = jump, -1
     for ray in range(base + 1, base + rays - 2):
         rise = abs(ranges[ray + 1] - ranges[ray])
+        if across[0] - 1 <= ray - base <= across[1]:
+            continue
         if rise > best and abs(ray_angle(ray - base, rays, field)) <= SIDE:
             before = abs(ranges[ray] - ranges[ray - 1])
             after = abs(ranges[ray + 2] - ranges[ray + 1])

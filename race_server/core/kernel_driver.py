@@ -35,8 +35,10 @@ ASIDE, FASTER, URGE, DASH, CLOSE, FETCH, LATELY = range(8, 15)
 URGENT = 0.3
 # What a driver keeps of its turns, see `agents/planning/turn_back.py`.
 TURNED = LATELY + 32
+# How many places it has driven through and which, see `agents/planning/driven_way.py`.
+DRIVEN, DRIVEN_POINTS = TURNED + 4, 16
 # Two scans, the points of a scan (x, y), and a row of WORK numbers: see `memory_size`.
-KEPT = TURNED + 4
+KEPT = DRIVEN + 1 + 2 * DRIVEN_POINTS
 WORK = 320
 # After a longer time [s] without an observation only this much of it counts.
 LONGEST_S = 1.0

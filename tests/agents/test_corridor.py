@@ -26,6 +26,7 @@ from race_server.core.kernel_driver import KEPT, WORK, memory_size
 
 RAYS = 181
 FIELD = math.pi
+NOWHERE = (-1, -1)  # the rays that look across the way driven
 # With one ray a degree the 90th looks straight ahead.
 AHEAD = 90
 
@@ -38,7 +39,15 @@ def test_the_edge_is_where_the_scan_jumps_most() -> None:
     ranges = np.full(RAYS, 1.0)
     ranges[100:] = 3.0
     ranges[120:] = 2.5
-    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3) == 99
+    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3, NOWHERE) == 99
+
+
+def test_an_edge_behind_which_the_way_driven_lies_is_not_the_way_on() -> None:
+    ranges = np.full(RAYS, 1.0)
+    ranges[40:80] = 2.0
+    ranges[150:] = 4.0
+    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3, NOWHERE) == 149
+    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3, (150, 170)) == 39
 
 
 def test_a_wall_at_a_flat_angle_is_no_edge() -> None:
@@ -48,7 +57,7 @@ def test_a_wall_at_a_flat_angle_is_no_edge() -> None:
         ranges = np.minimum(0.5 / np.abs(np.sin(angles)), 8.0)
     ranges[: AHEAD + 8] = ranges[AHEAD + 8]
     assert np.diff(ranges).min() < -0.3
-    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3) == -1
+    assert largest_edge(ranges, 0, RAYS, FIELD, 0.3, NOWHERE) == -1
 
 
 def scan_of(left: list[tuple[float, float]], right: list[tuple[float, float]]) -> np.ndarray:
