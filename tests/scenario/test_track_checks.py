@@ -40,7 +40,7 @@ def test_where_obstacles_leave_less_than_a_car_needs_there_is_an_error(
 ) -> None:
     (error,) = errors_of(tmp_path, f"obstacles = [{rows}]")
     assert error.startswith("obstacles leave 0.")
-    assert error.endswith("; tt02 needs 0.25 m: move them, or make them smaller")
+    assert error.endswith("; tt02 needs 0.29 m: move them, or make them smaller")
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,14 @@ from race_server.scenario.track.course import Floats
 
 # Every path and every lap converges in some tens of iterations; beyond this none fits.
 MOST_ITERATIONS = 600
-_OPTIONS = {
+_OPTIONS: dict[str, Any] = {
     "print_time": False,
     # IPOPT tries points where a root has no value, and takes a shorter step then.
     "show_eval_warnings": False,
     "ipopt": {"print_level": 0, "sb": "yes", "max_iter": MOST_ITERATIONS, "tol": 1e-6},
 }
+# Of some hundred courses one is not solved at first, but with a barrier that may rise again.
+_AGAIN = {**_OPTIONS, "ipopt": {**_OPTIONS["ipopt"], "mu_strategy": "adaptive"}}
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
@@ -91,16 +93,19 @@ class Program:
             "f": cost,
             "g": self.casadi.vertcat(*self._terms),
         }
-        solver = self.casadi.nlpsol("limit", "ipopt", problem, _OPTIONS)
-        found = solver(
-            x0=np.concatenate(self._guesses),
-            lbx=np.concatenate(self._lows),
-            ubx=np.concatenate(self._highs),
-            lbg=np.repeat(self._term_lows, self.stations),
-            ubg=0.0,
-        )
-        status = solver.stats()["return_status"]
-        if status not in _GOOD:
+        for options in (_OPTIONS, _AGAIN):
+            solver = self.casadi.nlpsol("limit", "ipopt", problem, options)
+            found = solver(
+                x0=np.concatenate(self._guesses),
+                lbx=np.concatenate(self._lows),
+                ubx=np.concatenate(self._highs),
+                lbg=np.repeat(self._term_lows, self.stations),
+                ubg=0.0,
+            )
+            status = solver.stats()["return_status"]
+            if status in _GOOD:
+                break
+        else:
             raise TrackError(
                 f"{what}: no line fits ({status}): bends tighter than the vehicle can steer, or "
                 "too narrow for its width and margin; choose a wider course or a smaller vehicle"

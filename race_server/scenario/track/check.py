@@ -17,8 +17,9 @@ from race_server.scenario.track.polyline import (
     segments_of,
 )
 
-# Free width that a vehicle needs beside its own, as a share of it.
-ROOM = 0.3
+# Free width that a vehicle needs beside its own, as a share of it: that of the margins on both
+# sides of a reference line.
+ROOM = 0.53
 # By so much a border may lie inside a wall of the map: pixels, and share of the half-width. Beside
 # the tip of a wall the width jumps: the widest place within this share of the width counts.
 PIXELS_INSIDE, SHARE_INSIDE, NEARBY = 2.0, 0.05, 0.15

@@ -26,11 +26,12 @@ class Range:
     half_width: tuple[float, float]
     least_radius: float  # of the centre line
     apart: float  # between the borders of two stretches
+    narrowest: float  # half-width anywhere, for the body and the margin of a line on both sides
 
 
 RANGES = {
-    "1/10": Range((20.0, 500.0), (0.4, 2.5), 1.1 * TT02.turning_radius, 0.2),
-    "kart": Range((250.0, 2000.0), (2.5, 6.0), 1.5 * KART_60.turning_radius, 2.0),
+    "1/10": Range((20.0, 500.0), (0.4, 2.5), 1.1 * TT02.turning_radius, 0.2, 0.15),
+    "kart": Range((250.0, 2000.0), (2.5, 6.0), 1.5 * KART_60.turning_radius, 2.0, 1.0),
 }
 CELLS, GAPS = (1, 10), (2, 9)
 JITTER = 0.25  # of the shortest gap: how far a corner strays from the grid
@@ -66,7 +67,7 @@ def draw_circuit(chance: Random, scale: str) -> Floats:
         points = _rounded(chance, corners, np.array(widths), least)
         if points is None or not keeps_apart(resample(points[:, :2], ROUGHLY), 2.0 * max(widths)):
             continue  # most are rejected here, before the expensive part
-        if _is_drivable(points, least, max(widths), form.apart, scale):
+        if _is_drivable(points, least, max(widths), scale):
             return points.round(3)
 
 
@@ -120,10 +121,11 @@ def _turned(vector: Floats, angle: float) -> Floats:
     return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]])
 
 
-def _is_drivable(points: Floats, least: float, widest: float, apart: float, scale: str) -> bool:
+def _is_drivable(points: Floats, least: float, widest: float, scale: str) -> bool:
     """Return whether the spline through points is wide enough, and bends so, and keeps apart."""
     curve, halves = np.hsplit(periodic_spline(points, 2.0 * SCALES[scale].spacing), 2)
-    if halves.min() < NARROWER * points[:, 2:].min():
+    form = RANGES[scale]
+    if halves.min() < max(NARROWER * points[:, 2:].min(), form.narrowest):
         return False
     length = float(lengths_of(curve).sum())
     line = resample(curve, max(round(length / (2.0 * SCALES[scale].spacing)), 32))
@@ -132,4 +134,4 @@ def _is_drivable(points: Floats, least: float, widest: float, apart: float, scal
         return False
     # Fine enough that no half circle falls between two samples.
     count = min(len(line), max(CHECKED, round(length / (0.5 * widest))))
-    return keeps_apart(resample(curve, count), 2.0 * INSIDE * widest + apart)
+    return keeps_apart(resample(curve, count), 2.0 * INSIDE * widest + form.apart)
