@@ -139,7 +139,7 @@ class Mapper:
         """Take up the chart once it is due; give its solver as much time as the world has."""
         assert self._asked is not None
         passed = (tick - self._asked_tick) * TICK_S
-        ahead = min(passed, self._ready_s) - (time.monotonic() - self._asked_at)
+        ahead = passed - (time.monotonic() - self._asked_at)
         if ahead > 0.0 and not self._asked.done():
             try:
                 self._asked.exception(timeout=min(ahead, MOST_WAIT_S))
