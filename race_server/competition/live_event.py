@@ -16,7 +16,7 @@ from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
 from race_server.core.messages import Event, EventPhase, Phase
-from race_server.errors import RecordingError, ScenarioError
+from race_server.errors import RaceError, RecordingError, ScenarioError
 from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
@@ -219,8 +219,11 @@ class LiveEvent:
         self._announce()
 
     def _announce(self) -> None:
-        """Write down and send what has changed in the results."""
-        self._save()
+        """Write down and send what has changed in the results; a drive waits for no full disk."""
+        try:
+            self._save()
+        except RaceError as error:
+            self._log.warn("a decision is written with the next drive", why=str(error))
         self._board.renew()
         self._changed(self.day, self.state)
 
