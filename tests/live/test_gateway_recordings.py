@@ -186,3 +186,18 @@ def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) ->
     with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})
         assert browser.refusal() == ("malformed", 4400)
+
+
+@pytest.mark.net
+@pytest.mark.parametrize("changed", [{"name": 5}, {"title": "\ud800"}, {"spacing": "wide"}])
+def test_a_recording_with_words_of_another_kind_in_its_course_is_refused(
+    recording: Path, tmp_path: Path, changed: dict[str, object]
+) -> None:
+    setting = json.loads(read_recording(recording).start.setting)
+    setting["course"] |= changed
+    forged(tmp_path / "cup.mcap", recording, json.dumps(setting))
+    with (
+        gated(free_address(), recordings=tmp_path) as served,
+        Browser(served.base, {"source": "recording:cup"}) as browser,
+    ):
+        assert browser.refusal() == ("no-recording", 4404)
