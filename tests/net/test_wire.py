@@ -150,6 +150,13 @@ def test_standings_come_back_as_they_were_sent() -> None:
     assert spectate.decode_standings(spectate.encode_standings(STANDINGS)) == STANDINGS
 
 
+def test_standings_of_a_course_with_the_longest_name_of_a_file_come_back() -> None:
+    table = replace(STANDINGS, course="é" * 127 + "-reversed")
+    assert spectate.decode_standings(spectate.encode_standings(table)) == table
+    with pytest.raises(WireError, match="at most 320 are allowed"):
+        spectate.decode_standings(spectate.encode_standings(replace(table, course="x" * 321)))
+
+
 def test_a_briefing_comes_back_as_it_was_sent() -> None:
     assert lobby.decode_welcome(lobby.encode_welcome(WELCOME)) == WELCOME
 
