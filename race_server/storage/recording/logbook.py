@@ -7,6 +7,7 @@ name.
 
 import contextlib
 import fcntl
+import itertools
 import os
 from collections.abc import Callable
 from datetime import datetime
@@ -83,7 +84,7 @@ class Logbook:
         try:
             recording = read_recording(self.journal)
         except RecordingError as error:
-            self._move_aside(str(error), ".unreadable.mcap")
+            self._move_aside(str(error), "unreadable")
             return None
         if recording.is_complete:
             self._file_away(recording.start.started_at)
@@ -92,10 +93,13 @@ class Logbook:
 
     def put_aside(self, why: str) -> None:
         """Keep a journal that cannot be taken up, and say so."""
-        self._move_aside(why, ".aside.mcap")
+        self._move_aside(why, "aside")
 
-    def _move_aside(self, why: str, suffix: str) -> None:
-        aside = self.journal.with_suffix(suffix)
+    def _move_aside(self, why: str, word: str) -> None:
+        # Each has a name that is free: what was put aside before may still be wanted.
+        names = (f".{word}{f'-{n}' * (n > 1)}.mcap" for n in itertools.count(1))
+        places = map(self.journal.with_suffix, names)
+        aside = next(path for path in places if not path.exists())
         try:
             self.journal.replace(aside)
         except OSError as error:
