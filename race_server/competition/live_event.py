@@ -23,13 +23,12 @@ from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
 from race_server.session import Session
 from race_server.session.seats import Seat
+from race_server.storage.recording.logbook import STAMP, recordings_of
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.scenario_codec import unpack_scenario
 
 # Drivers in processes that the server keeps apart have this long to come back [s].
 BACK_S = 8.0
-# When a race began, in the name of its recording.
-STAMP = "????????-??????-???"
 
 
 class LiveEvent:
@@ -304,7 +303,7 @@ class LiveEvent:
         A server may have been killed after the end of a race, and before it was written down here.
         """
         drive = self.day.next
-        paths = sorted(self._spec.folder.glob(f"{self._name}-{STAMP}.mcap"))
+        paths = recordings_of(self._spec.folder, self._name)
         if drive is None or not paths:
             return None
         try:

@@ -28,6 +28,8 @@ from race_server.user_data import user_data
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
+# When a race began, in the name of its recording.
+STAMP = "????????-??????-???"
 # At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
 # Messages of an old journal that may wait for the disk, and for how long.
@@ -40,6 +42,11 @@ def folder_of(words: str) -> Path | None:
     if words:
         return None if words == NOWHERE else Path(words).expanduser()
     return user_data("recordings")
+
+
+def recordings_of(folder: Path, session: str) -> list[Path]:
+    """Return the recordings of the races of a session that are over, oldest first."""
+    return sorted(folder.glob(f"{session}-{STAMP}.mcap"))
 
 
 class Logbook:
