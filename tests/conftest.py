@@ -1,6 +1,7 @@
 """What all tests share: the kernels are compiled once, and the longest files come first."""
 
 import os
+import signal
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -70,6 +71,15 @@ def own_environment() -> Iterator[None]:
     """Undo what a test sets in the environment; `race drive` lets kernels be interpreted."""
     with patch.dict(os.environ):
         yield
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Give the signals back to pytest, which a server takes for itself."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def compile_training(scenario: Scenario) -> None:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,11 @@ from race_server.competition.race_day.day import Day
 from race_server.competition.race_day.report import event_document
 from race_server.competition.race_day.table import print_tables
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Event
+from race_server.core.messages import Event, Phase
 from race_server.errors import KeysError, RaceError, RecordingError
 from race_server.live.driver_processes import Command as DriverCommand
 from race_server.live.driver_processes import DriverProcesses
-from race_server.live.server import REAL, RaceServer
+from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.live.server.wheels import VALET
 from race_server.live.suspects import Suspects
@@ -44,9 +45,9 @@ from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.session import Session
-from race_server.storage.recording.logbook import Logbook, folder_of
-from race_server.storage.recording.reader import Recording
-from race_server.storage.results.keeper import Keeper
+from race_server.storage.recording.logbook import Logbook, folder_of, recordings_of
+from race_server.storage.recording.reader import Recording, read_recording
+from race_server.storage.results.keeper import Keeper, utc_now
 from race_server.storage.results.writer import writer_for
 from race_server.storage.whole_file import write_whole
 from race_server.terminal import Console, say
@@ -77,6 +78,7 @@ class Service:
     apart: DriverCommand | None = None  # how fillers run that are kept apart; None: inside
     event: EventSpec | None = None  # in place of single races
     suspects: Suspects = field(default_factory=Suspects)  # shared with the supervisor
+    begun_at: str = field(default_factory=utc_now)  # of the first server
 
 
 def serve_with_status(service: Service, log: Log, *, fresh: bool, replaces: bool) -> int:
@@ -104,6 +106,9 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
             logbook = stack.enter_context(_logbook(service.record, service.session, log))
         keeper = Keeper(writer) if writer else None
         race, resumed = _resumed(service, logbook, keeper, log, fresh=fresh) or (None, None)
+        is_single = service.once and service.event is None
+        if replaces and is_single and race is None and _is_driven(service, logbook, log):
+            return
         race = race or Session(service.session, service.scenario)
         karts, keys = len(race.seats), service.keys
         address, name = service.listen, service.session
@@ -194,6 +199,31 @@ def _serve_events(
             server.see_off(service.review)
             return
         server.reopen()
+
+
+def _is_driven(service: Service, logbook: Logbook | None, log: Log) -> bool:
+    """Return whether a server that this one replaces has driven the only race; publish its result.
+
+    That server was killed after the end of the recording.
+    """
+    paths = recordings_of(logbook.folder, logbook.session) if logbook else []
+    ended_at = paths[-1].stat().st_mtime if paths else 0.0
+    if ended_at < datetime.fromisoformat(service.begun_at).timestamp():
+        return False
+    try:
+        session, events = restore_session(read_recording(paths[-1]), None)
+    except RecordingError as error:
+        log.warn("a recording is left out", why=str(error))
+        return False
+    if session.phase is not Phase.FINISHED:
+        return False  # it was to start again
+    log.say("the race was over", recording=paths[-1].name)
+    there = service.result
+    # A result that is there may hold what stewards changed, and the recording does not.
+    if there is None or not there.exists() or there.stat().st_mtime < ended_at:
+        result = RaceResult.of(session, events, 0, {}, 0)
+        _publish_result(result.as_json(), session, service, log)
+    return True
 
 
 def _listening(service: Service, seats: int) -> ServerLink:

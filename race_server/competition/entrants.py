@@ -19,6 +19,8 @@ from race_server.user_data import user_data
 VARIABLE = "RACE_SERVER_ENTRANTS"
 COLUMNS = ("number", "name")
 MOST_BYTES, MOST_NUMBER = 1 << 20, 9999
+# Digits of a number that are read: Python refuses to read thousands of them.
+MOST_DIGITS = 20
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,10 @@ def _fault(name: str, digits: str, entrants: dict[str, int], seen: dict[str, int
         return f"name {name!r} stands in row {seen[name]} already; take one of the two out"
     if not digits:
         return ""
-    if not digits.isascii() or not digits.isdigit() or not 1 <= int(digits) <= MOST_NUMBER:
-        return f"number {digits[:20]!r} of {name}: give a whole number from 1 to {MOST_NUMBER}"
+    is_number = digits.isascii() and digits.isdigit() and len(digits) <= MOST_DIGITS
+    if not is_number or not 1 <= int(digits) <= MOST_NUMBER:
+        shown = digits[:MOST_DIGITS]
+        return f"number {shown!r} of {name}: give a whole number from 1 to {MOST_NUMBER}"
     number = int(digits)
     if entrants.get(name, number) != number:
         return f"{name} has number {entrants[name]} already, not {number}; leave its number out"

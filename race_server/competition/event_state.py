@@ -112,7 +112,7 @@ class EventFile:
         except OSError as error:
             raise RaceError(
                 f"the event cannot be written to {self.path} ({error.strerror or error}); make "
-                "room and start the server again: it goes on from the last attempt or race written"
+                "room: a server that starts again goes on from the last attempt or race written"
             ) from error
         if state.is_final:
             self.put_away(state)

@@ -16,20 +16,19 @@ from race_server.competition.race_day.day import Day, Drive
 from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, absent, record_of
 from race_server.core.messages import Event, EventPhase, Phase
-from race_server.errors import RecordingError, ScenarioError
+from race_server.errors import RaceError, RecordingError, ScenarioError
 from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
 from race_server.session import Session
 from race_server.session.seats import Seat
+from race_server.storage.recording.logbook import STAMP, recordings_of
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.scenario_codec import unpack_scenario
 
 # Drivers in processes that the server keeps apart have this long to come back [s].
 BACK_S = 8.0
-# When a race began, in the name of its recording.
-STAMP = "????????-??????-???"
 
 
 class LiveEvent:
@@ -219,8 +218,11 @@ class LiveEvent:
         self._announce()
 
     def _announce(self) -> None:
-        """Write down and send what has changed in the results."""
-        self._save()
+        """Write down and send what has changed in the results; a drive waits for no full disk."""
+        try:
+            self._save()
+        except RaceError as error:
+            self._log.warn("a decision is written with the next drive", why=str(error))
         self._board.renew()
         self._changed(self.day, self.state)
 
@@ -301,7 +303,7 @@ class LiveEvent:
         A server may have been killed after the end of a race, and before it was written down here.
         """
         drive = self.day.next
-        paths = sorted(self._spec.folder.glob(f"{self._name}-{STAMP}.mcap"))
+        paths = recordings_of(self._spec.folder, self._name)
         if drive is None or not paths:
             return None
         try:

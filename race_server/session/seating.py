@@ -78,28 +78,43 @@ def free_seat(newcomer: Newcomer, seats: Seats, *, is_lobby: bool, takes_tracked
 def _returning_seat(newcomer: Newcomer, seats: Seats, racing: Sequence[Seat]) -> Seat:
     """Return the seat of a driver of an event whose program was started again.
 
-    It is known by its name, or in a session with keys by its seat.
+    It is known by its name, or in a session with keys by its seat. Of several of one name it is the
+    first that the newcomer may have.
     """
+    refused = SeatError(
+        f"an event is on, and no {newcomer.driver!r} of it is away: its drivers are those that "
+        "were there when it began"
+    )
     for seat in seats.taken():
         own = newcomer.wanted == seat.number if newcomer.owns else newcomer.driver == seat.driver
         if not own or seat.is_present or newcomer.wanted not in {-1, seat.number}:
             continue
-        seats.check_open(seat.number)
-        if newcomer.tracked != seat.is_tracked:
-            kinds = ("simulated", "a real one")
-            raise SeatError(
-                f"the kart of seat {seat.number} is {kinds[seat.is_tracked]} in this event, "
-                f"not {kinds[newcomer.tracked]}"
-            )
-        if seat in racing and newcomer.preset != seat.preset:
-            raise SeatError(
-                f"seat {seat.number} drives now with observation {seat.preset!r}, not "
-                f"{newcomer.preset!r}; come back when it is over",
-                Reason.OBSERVATION,
-            )
+        try:
+            seats.check_open(seat.number)
+            _check_kind(newcomer, seat, is_racing=seat in racing)
+        except SeatError as error:
+            refused = error
+            continue
         seat.preset, seat.key = newcomer.preset, key_of(newcomer.secret)
         return seat
-    raise SeatError(
-        f"an event is on, and no {newcomer.driver!r} of it is away: its drivers are those that "
-        "were there when it began"
-    )
+    raise refused
+
+
+def _check_kind(newcomer: Newcomer, seat: Seat, *, is_racing: bool) -> None:
+    """Do nothing for a newcomer with the kind of kart of a seat, and what it observes in a race.
+
+    Raises:
+        SeatError: it has another one.
+    """
+    if newcomer.tracked != seat.is_tracked:
+        kinds = ("simulated", "a real one")
+        raise SeatError(
+            f"the kart of seat {seat.number} is {kinds[seat.is_tracked]} in this event, "
+            f"not {kinds[newcomer.tracked]}"
+        )
+    if is_racing and newcomer.preset != seat.preset:
+        raise SeatError(
+            f"seat {seat.number} drives now with observation {seat.preset!r}, not "
+            f"{newcomer.preset!r}; come back when it is over",
+            Reason.OBSERVATION,
+        )

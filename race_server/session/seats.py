@@ -60,7 +60,9 @@ class Seat:
     def line_up(self) -> None:
         """Forget what was received in the last race."""
         self.control, self.control_tick, self.answered_tick = STOP, -1, -1
-        self.sequence, self.away_since, self.silence = 0, -1, FailsafeStage.FRESH
+        self.sequence, self.silence = 0, FailsafeStage.FRESH
+        # A driver that has gone, and whose kart stands on the grid, is away from the first tick on.
+        self.away_since = 0 if self.is_taken and not self.is_present else -1
         self.is_led, self.orders, self.planned = False, 0, None
         self.uses_item = False
 
@@ -173,7 +175,11 @@ class Seats:
         self.put(Seat(number))
 
     def close(self, number: int, *, sent_away: bool) -> None:
-        """Close a seat to all drivers; one that was sent away may not come back either."""
+        """Close a seat to all drivers; one that was sent away may not come back either.
+
+        That it was sent away stays so until the seat is opened.
+        """
+        sent_away = sent_away or self.is_sent_away(number)
         self.closed[number] = CLOSED_FOR[sent_away]
         if sent_away:
             self[number].key = b""

@@ -38,6 +38,12 @@ def test_each_wrong_row_is_named_with_the_way_out(tmp_path: Path) -> None:
     )
 
 
+def test_a_number_of_thousands_of_digits_is_a_wrong_row(tmp_path: Path) -> None:
+    (fault,) = faults_of(tmp_path / "new.csv", f"{'9' * 5000},Bert", "0008,Carl")
+    shown = "9" * 20
+    assert fault == f"row 2: number '{shown}' of Bert: give a whole number from 1 to 9999"
+
+
 def test_a_table_without_the_columns_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "new.csv"
     path.write_text("nr;name\n1;Anna\n")

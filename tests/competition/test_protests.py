@@ -1,5 +1,6 @@
 """Protests: lodged while a result may change, decided once, and kept beside what was driven."""
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from race_server.competition.race_day.record import RaceRecord, TeamResult
 from race_server.competition.race_day.tables import tables_of
 from race_server.errors import SeatError
 from race_server.storage.results.queries import races
+from race_server.storage.whole_file import write_whole
 from support.served_event import EVENING, Served, spec_of
 
 
@@ -128,3 +130,23 @@ def test_a_protest_stands_in_event_file_results_file_and_sheet(tmp_path: Path) -
     rows = {row["driver"]: row for row in races(tmp_path / "results.sqlite")[0]["entries"]}
     assert (rows["follow_gap"]["rank"], rows["raceline"]["rank"]) == (1, 2)
     assert rows["raceline"]["penalty_us"] == 60_000_000
+
+
+def test_a_protest_that_a_full_disk_does_not_take_is_written_with_the_next_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused: list[Path] = []
+
+    def write(path: Path, text: str) -> None:
+        if "cut the chicane" in text and len(refused) < 2:
+            refused.append(path)
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write_whole(path, text)
+
+    monkeypatch.setattr("race_server.competition.event_state.write_whole", write)
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    day = served.run(protest_after=1, penalised=0, seconds=5.0)
+    (path,) = tmp_path.glob("cup-*.event.json")
+    assert len(refused) == 2  # it was lodged, and decided
+    assert len(day.records) == 3
+    assert [one.verdict for one in read_event(path).protests] == [UPHELD]

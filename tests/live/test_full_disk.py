@@ -2,10 +2,9 @@
 
 import io
 import json
-import signal
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +23,7 @@ from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.whole_file import write_whole
 from support.courses import SMALL_RING
-from support.served_race import record_race
+from support.served_race import one_race, record_race
 
 FULL = Path("/dev/full")  # takes no byte: ENOSPC
 SCENARIO = Scenario(SMALL_RING, karts=1, seed=5, rules=Rules(laps=1, countdown_s=0.5))
@@ -32,37 +31,11 @@ SCENARIO = Scenario(SMALL_RING, karts=1, seed=5, rules=Rules(laps=1, countdown_s
 pytestmark = pytest.mark.net
 
 
-@pytest.fixture
-def handlers() -> Iterator[None]:
-    """Give the signals back to pytest, which a server takes for itself."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
-
 def service(folder: Path, result: Path) -> Service:
     """Return one race of one driver, in lockstep, with nowhere to write."""
     (folder / "file").write_text("no folder")
     nowhere = str(folder / "file" / "below")
-    return Service(
-        scenario=SCENARIO,
-        session="cup",
-        pace=LOCKSTEP,
-        fillers=("pure_pursuit",),
-        awaited=0,
-        listen=free_address(),
-        results=nowhere,
-        record=nowhere,
-        result=result,
-        once=True,
-        review=0.0,
-        metrics=None,
-        as_json=True,
-        keys=None,
-        is_guarded=False,
-        steward_listen="",
-    )
+    return replace(one_race(result), results=nowhere, record=nowhere)
 
 
 def events_of(stream: io.StringIO) -> list[str]:

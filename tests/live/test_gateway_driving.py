@@ -131,6 +131,20 @@ def test_damaged_and_too_many_controls_are_refused(lobby: ServedRace) -> None:
         assert driver.refusal() == ("too-fast", 4429)
 
 
+def test_a_driver_protests_once_in_two_seconds_and_drives_on(lobby: ServedRace) -> None:
+    with Browser(lobby.base, DRIVE) as driver:
+        driver.word("welcome")
+        answers = []
+        for _ in range(2):
+            driver.send({"type": "protest", "against": 0, "why": "cut"})
+            answers.append(driver.word("protest"))
+        driver.send({"type": "ping", "t": 1})
+        driver.word("pong")
+    assert [answer["accepted"] for answer in answers] == [False, False]
+    assert "protests are for events" in answers[0]["reason"]
+    assert answers[1]["reason"] == "more than 0.5 protests a second; send fewer"
+
+
 def test_a_driver_whose_page_does_not_come_back_loses_its_seat() -> None:
     with lobby_with(GatewayTiming(seat_grace_s=0.2)) as lobby:
         assert lobby.server is not None

@@ -1,6 +1,9 @@
 """Recordings that a gateway lists, opens and plays."""
 
+import json
+import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,10 +20,12 @@ from race_server.net.wire.spectate import (
     decode_standings,
 )
 from race_server.storage.recording.channels import EVENTS, SNAPSHOTS, STANDINGS
-from race_server.storage.recording.reader import read_lines
+from race_server.storage.recording.reader import read_lines, read_recording
+from race_server.storage.recording.recorder import Recorder
 from race_server.storage.recording.seekable import SeekableRecording
 from support.browsers import Browser
-from support.served_race import ServedRace, gated, record_race
+from support.courses import SMALL_RING
+from support.served_race import ServedRace, ask, gated, record_race
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +97,30 @@ def test_only_recordings_of_the_folder_are_listed_and_opened(
     assert Library(tmp_path / "nowhere", GatewayLimits()).titles() == []
 
 
+def forged(path: Path, honest: Path, setting: str) -> None:
+    """Write a recording that begins as another one, with another setting."""
+    with path.open("wb") as file:
+        recorder = Recorder(file, "cup", 10**18, print)
+        recorder.begin(replace(read_recording(honest).start, setting=setting))
+        recorder.record_digest(0, "digest")
+        recorder.close()
+
+
+@pytest.mark.net
+def test_a_recording_with_a_name_or_a_setting_that_is_no_text_takes_the_list_from_none(
+    recording: Path, tmp_path: Path
+) -> None:
+    for name in (b"cup.mcap", b"caf\xe9.mcap"):
+        (tmp_path / os.fsdecode(name)).write_bytes(recording.read_bytes())
+    forged(tmp_path / "half.mcap", recording, r'{"course": {"name": "x\ud800"}}')
+    forged(tmp_path / "deep.mcap", recording, "[" * 200_000)
+    with gated(free_address(), recordings=tmp_path) as served:
+        status, _, text = ask(served, "recordings")
+    assert status == 200
+    courses = {title["name"]: title["course"] for title in json.loads(text)}
+    assert courses == {"cup": SMALL_RING.name, "half": "x\N{REPLACEMENT CHARACTER}"}
+
+
 @pytest.mark.net
 def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -157,3 +186,18 @@ def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) ->
     with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})
         assert browser.refusal() == ("malformed", 4400)
+
+
+@pytest.mark.net
+@pytest.mark.parametrize("changed", [{"name": 5}, {"title": "\ud800"}, {"spacing": "wide"}])
+def test_a_recording_with_words_of_another_kind_in_its_course_is_refused(
+    recording: Path, tmp_path: Path, changed: dict[str, object]
+) -> None:
+    setting = json.loads(read_recording(recording).start.setting)
+    setting["course"] |= changed
+    forged(tmp_path / "cup.mcap", recording, json.dumps(setting))
+    with (
+        gated(free_address(), recordings=tmp_path) as served,
+        Browser(served.base, {"source": "recording:cup"}) as browser,
+    ):
+        assert browser.refusal() == ("no-recording", 4404)

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from race_server.errors import GatewayError, KeysError, LinkError
-from race_server.live.gateway.handshake import Role, read_hello
+from race_server.live.gateway.handshake import Role, read_hello, refusal_text
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.origins import check_origin, is_known_host
+from race_server.live.gateway.requests import read_request
 from race_server.live.gateway.roles import Identity, ResumeTokens, Tokens
 from race_server.live.gateway.settings import Settings, addresses_of, check_settings, place_of
 
@@ -30,12 +31,27 @@ def test_a_hello_without_words_is_that_of_a_spectator() -> None:
         {"token": 7},
         {"source": "file"},
         {"name": "a\nb"},
+        {"token": "\ud800"},
     ],
 )
 def test_a_hello_of_the_wrong_kind_is_refused(words: object) -> None:
     with pytest.raises(GatewayError) as caught:
         read_hello(json.dumps(words))
     assert caught.value.code == "malformed"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"type": "protest", "against": 1, "why": "cut \ud800"},
+        {"type": "act", "act": "protest", "note": "\udfff", "id": 7},
+    ],
+)
+def test_half_a_character_is_refused_with_a_reason(words: dict[str, object]) -> None:
+    with pytest.raises(GatewayError, match="half a character; write text") as caught:
+        read_request(json.dumps(words))
+    assert caught.value.code == "malformed"
+    assert json.loads(refusal_text(caught.value))["code"] == "malformed"
 
 
 def test_rates_beyond_the_bounds_are_moved_into_them() -> None:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -23,6 +24,7 @@ from race_server.net.wire.admin import (
     encode_decision,
     encode_log,
 )
+from race_server.net.wire.lobby import encode_reply
 from race_server.net.wire.spectate import decode_events
 from race_server.session import Session
 from race_server.session.interventions import Intervention, InterventionKind
@@ -60,6 +62,48 @@ def test_a_decision_counts_once() -> None:
     with pytest.raises(SeatError, match="taken already"):
         steward.decide(decision)
     assert len(steward.lines) == 1
+
+
+def test_a_decision_that_is_refused_comes_before_no_other() -> None:
+    steward = Steward(racing(), "token")
+    flag = Decision("token", "flag", value=1.0, challenge=steward.challenge)
+    with pytest.raises(SeatError, match="protests are for events"):
+        steward.decide(Decision("token", "protest", 1, challenge=steward.challenge, note="cut"))
+    steward.decide(flag)
+    assert steward.lines[-1].endswith("yellow flag")
+
+
+class CrossedLink:
+    """Takes requests to a steward; another decision comes before each of the first few."""
+
+    def __init__(self, steward: Steward, others: int) -> None:
+        self._steward, self._others = steward, others
+
+    def ask(self, topic: topics.Topic, payload: bytes) -> bytes:
+        steward = self._steward
+        if topic is topics.ACTS:
+            return encode_log(steward.challenge, list(steward.lines))
+        if self._others:
+            self._others -= 1
+            told(steward, "flag", value=1.0)
+        try:
+            steward.decide(decode_decision(payload))
+        except SeatError as error:
+            return encode_reply(str(error))
+        return encode_reply("")
+
+
+def test_a_decision_is_sent_again_where_others_came_first_and_counts_once() -> None:
+    session = racing()
+    steward = Steward(session, "token")
+    client = StewardClient(cast("ClientLink", CrossedLink(steward, others=3)), "token")
+    assert client.decide("penalty", seat=1, value=2.0).endswith("driver 1")
+    assert session.world.racers[0, 1].penalty_us == 2_000_000
+    with pytest.raises(SeatError, match="seat 7 is not taken"):
+        client.decide("penalty", seat=7, value=2.0)
+    crowded = StewardClient(cast("ClientLink", CrossedLink(steward, others=99)), "token")
+    with pytest.raises(SeatError, match="another one came first"):
+        crowded.decide("penalty", seat=1, value=2.0)
 
 
 def test_a_penalty_is_added_and_logged_as_an_act() -> None:

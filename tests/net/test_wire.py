@@ -150,6 +150,13 @@ def test_standings_come_back_as_they_were_sent() -> None:
     assert spectate.decode_standings(spectate.encode_standings(STANDINGS)) == STANDINGS
 
 
+def test_standings_of_a_course_with_the_longest_name_of_a_file_come_back() -> None:
+    table = replace(STANDINGS, course="é" * 127 + "-reversed")
+    assert spectate.decode_standings(spectate.encode_standings(table)) == table
+    with pytest.raises(WireError, match="at most 320 are allowed"):
+        spectate.decode_standings(spectate.encode_standings(replace(table, course="x" * 321)))
+
+
 def test_a_briefing_comes_back_as_it_was_sent() -> None:
     assert lobby.decode_welcome(lobby.encode_welcome(WELCOME)) == WELCOME
 
@@ -328,6 +335,24 @@ def test_an_unknown_colour_of_a_sector_is_damage() -> None:
 def test_a_row_of_standings_comes_back_from_plain_data() -> None:
     for row in (*STANDINGS.rows, PARKED, TIMED):
         assert Standing.of_json(json.loads(json.dumps(row.as_json()))) == row
+
+
+def test_of_an_event_that_is_too_large_for_a_message_the_newest_rows_come() -> None:
+    laps = tuple(
+        programme.DeletedLap(1 + lap // 16, 1 + lap % 16, "touched a border, left the course")
+        for lap in range(64)
+    )
+    (team,) = PROGRAMME.teams[:1]
+    protest = programme.ProtestRow(1, "Heat", team.name, team.name, "cut", "")
+    teams = tuple(replace(team, seat=seat, deleted=laps) for seat in range(64))
+    protests = tuple(replace(protest, number=number) for number in range(1, 65))
+    data = programme.encode_programme(replace(PROGRAMME, teams=teams, protests=protests))
+    back = programme.decode_programme(data)
+    assert [row.seat for row in back.teams] == list(range(64))
+    kept = len(back.protests)
+    assert 8 <= kept < 64
+    assert back.protests == protests[-kept:]
+    assert all(row.deleted == laps[-kept:] for row in back.teams)
 
 
 def test_slots_of_a_car_park_come_with_its_course() -> None:

@@ -135,6 +135,44 @@ def test_a_driver_that_stays_away_has_withdrawn() -> None:
     assert session.world.bodies["status"][0, 1] == Status.RETIRED
 
 
+def test_a_driver_that_is_gone_when_its_race_starts_again_has_withdrawn_in_time() -> None:
+    session = racing()
+    session.keeps_seats = True
+    session.drop(1)
+    session.reopen()
+    session.start()
+    events = []
+    for tick in range(0, AWAY_TICKS + 3, 3):
+        session.receive_control(0, session.epoch, tick + 1, session.tick, STOP)
+        events += session.advance(3)
+    assert [event.kart for event in events if event.kind is EventKind.RETIRED] == [1]
+    assert session.is_racing(0)
+
+
+def test_a_namesake_that_was_sent_away_or_has_a_real_kart_keeps_no_driver_from_its_seat() -> None:
+    session = lobby(karts=3)
+    session.join("Anna", "track", tracked=True)
+    for _ in range(2):
+        session.join("Anna", "track")
+    session.keeps_seats = True
+    session.race_control.exclude(1)
+    with pytest.raises(SeatError, match="seat 1 is closed: the steward sent its driver away"):
+        session.join("Anna", "track", secret=33)
+    session.drop(0)
+    session.drop(2)
+    assert session.join("Anna", "track", secret=33).number == 2
+
+
+def test_a_seat_whose_driver_was_sent_away_stays_so_however_often_it_is_closed() -> None:
+    session = racing()
+    session.race_control.exclude(1)
+    session.race_control.close_seat(1)
+    assert session.seats.is_sent_away(1)
+    session.race_control.open_seat(1)
+    session.race_control.close_seat(1)
+    assert not session.seats.is_sent_away(1)
+
+
 def test_the_kart_of_a_driver_that_drops_stops() -> None:
     session = racing()
     session.receive_control(0, 1, 1, session.tick, Control(throttle=1.0))

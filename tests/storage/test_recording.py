@@ -234,6 +234,22 @@ def test_an_unreadable_journal_is_put_aside(tmp_path: Path) -> None:
     assert (tmp_path / "cup.journal.unreadable.mcap").exists()
 
 
+def test_a_journal_that_is_put_aside_takes_the_place_of_no_other(tmp_path: Path) -> None:
+    journal = tmp_path / "cup.journal.mcap"
+    for race in (b"one", b"two", b"three"):
+        for put_aside in (lambda book: book.put_aside("old"), Logbook.unfinished):
+            journal.write_bytes(race)
+            with Logbook(tmp_path, "cup", lambda _: None) as book:
+                put_aside(book)
+    for word in ("aside", "unreadable"):
+        found = {path.name: path.read_bytes() for path in tmp_path.glob(f"*{word}*.mcap")}
+        assert found == {
+            f"cup.journal.{word}.mcap": b"one",
+            f"cup.journal.{word}-2.mcap": b"two",
+            f"cup.journal.{word}-3.mcap": b"three",
+        }
+
+
 def test_any_reader_of_mcap_finds_channels_with_their_schemas(recorded: Path) -> None:
     with recorded.open("rb") as file:
         summary = make_reader(file).get_summary()

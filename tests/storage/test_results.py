@@ -60,6 +60,18 @@ def test_a_lap_that_is_driven_again_after_a_kill_replaces_the_one_before(path: P
     assert json.loads(row["sectors"]) == [9_000_000]
 
 
+def test_a_race_whose_server_was_killed_right_after_its_end_is_in_the_file_once(
+    path: Path,
+) -> None:
+    begun, lap = a_race("ann"), Lap(0, 1, 8_000_000, (8_000_000,), True)
+    # The end was committed, the recording not yet closed: the next server takes the race up.
+    fill(path, begun, lap, outcome("ann"))
+    fill(path, replace(begun, is_taken_up=True), lap, outcome("ann"))
+    (race,) = races(path)
+    assert race["ended"] == "finished"
+    assert len(all_laps(path)) == 1
+
+
 def test_a_file_of_version_1_is_migrated_and_keeps_its_rows(path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(schema, "MIGRATIONS", MIGRATIONS[:1])

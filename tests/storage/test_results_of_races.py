@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ from race_server.session.lap_log import Lap
 from race_server.storage.results import keeper
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, races
-from race_server.storage.results.store import Change, Store
+from race_server.storage.results.store import Change, Correction, Store
 from race_server.storage.results.writer import Writer
 from support.courses import TINY_RING
 from support.results import a_race, fill
@@ -143,6 +144,32 @@ def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
     assert "The race goes on" in log[0]
     assert all(len(row.lap_times_us) == 2 for row in result.standings)
     assert len(all_laps(path)) == 4
+
+
+def test_what_stewards_change_waits_for_no_other_program_and_is_written_in_the_end(
+    path: Path,
+) -> None:
+    fill(path)
+    session = Session("race", Scenario(TINY_RING, karts=2, seed=7))
+    for name in ("ann", "bob"):
+        session.join(name, "track")
+    log: list[str] = []
+    with (
+        closing(sqlite3.connect(path, isolation_level=None)) as other,
+        Writer(Store(path, busy_s=2.0), log.append) as writer,
+    ):
+        kept = Keeper(writer)
+        kept.begin(session, LOCKSTEP)
+        kept.end(session)
+        other.execute("begin immediate")
+        begun = time.monotonic()
+        kept.amend([replace(row, penalty_us=5) for row in session.standings()])
+        kept.correct(Correction("cup", "Heat", ((1, 2, 3, 0),)))
+        assert time.monotonic() - begun < 0.5
+        other.execute("rollback")
+    (race,) = races(path)
+    assert [row["penalty_us"] for row in race["entries"]] == [5, 5]
+    assert log == []
 
 
 def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(

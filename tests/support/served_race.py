@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.error import HTTPError
 
+from race_server.cli.service import Service
 from race_server.competition.launch import free_address
 from race_server.live.gateway.key_ring import KeyRing
 from race_server.live.gateway.roles import Tokens
@@ -114,6 +115,29 @@ def record_race(folder: Path, course: Course = SMALL_RING) -> Path:
     assert said == []
     (path,) = folder.glob("*.mcap")
     return path
+
+
+def one_race(result: Path) -> Service:
+    """Return one race of one driver, in lockstep, that is written to its result only."""
+    rules = Rules(laps=1, countdown_s=0.5)
+    return Service(
+        scenario=Scenario(SMALL_RING, karts=1, seed=5, rules=rules),
+        session="cup",
+        pace=LOCKSTEP,
+        fillers=("pure_pursuit",),
+        awaited=0,
+        listen=free_address(),
+        steward_listen="",
+        results="none",
+        record="none",
+        result=result,
+        once=True,
+        review=0.0,
+        metrics=None,
+        as_json=True,
+        keys=None,
+        is_guarded=False,
+    )
 
 
 def ask(served: ServedRace, path: str, **headers: str) -> tuple[int, dict[str, str], str]:

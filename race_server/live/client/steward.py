@@ -2,10 +2,14 @@
 
 from typing import Any
 
+from race_server.errors import SeatError
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision, decode_log, encode_decision
 from race_server.net.wire.lobby import check_reply
+
+# How often a decision is sent while others come first.
+TRIES = 5
 
 
 class StewardClient:
@@ -29,8 +33,15 @@ class StewardClient:
             LinkError: no answer.
         """
         challenge, _ = self._ask()
-        decision = Decision(self._token, act, challenge=challenge, who=self._who, **what)
-        check_reply(self._link.ask(topics.ACT, encode_decision(decision)))
+        for left in reversed(range(TRIES)):
+            decision = Decision(self._token, act, challenge=challenge, who=self._who, **what)
+            try:
+                check_reply(self._link.ask(topics.ACT, encode_decision(decision)))
+                break
+            except SeatError:
+                sent, (challenge, _) = challenge, self._ask()
+                if challenge == sent or not left:
+                    raise
         return self.log()[-1]
 
     def log(self) -> list[str]:

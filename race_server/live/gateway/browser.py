@@ -60,6 +60,7 @@ class BrowserSession:
         burst_s = self._limits.burst_s
         self._texts = RateLimiter(self._limits.texts_hz, "texts", burst_s)
         self._controls = RateLimiter(self._limits.controls_hz, "controls", burst_s)
+        self._protests = RateLimiter(self._limits.protests_hz, "protests", burst_s)
 
     def disconnect(self, error: GatewayError) -> None:
         """End, with a reason."""
@@ -245,9 +246,7 @@ class BrowserSession:
             reason = await self._state.stewarding.use_item(self._companion_seat.number)
             self._send(type="use", accepted=not reason, reason=reason)
         elif kind == "protest" and self._driver_seat is not None:
-            own, against = self._driver_seat.number_of_seat, request["against"]
-            reason = await self._state.stewarding.protest(own, against, request["why"])
-            self._send(type="protest", accepted=not reason, reason=reason)
+            await self._handle_protest(request, self._driver_seat)
         elif kind in {"act", "log"} and self._identity.role is Role.STEWARD:
             await self._handle_steward(request)
         else:
@@ -267,6 +266,15 @@ class BrowserSession:
             reason = str(error)
         self._send(type=kind, accepted=not reason, reason=reason, **{kind: wanted})
         return True
+
+    async def _handle_protest(self, request: Request, seat: DriverSeat) -> None:
+        own, against = seat.number_of_seat, request["against"]
+        try:
+            self._protests.spend()
+            reason = await self._state.stewarding.protest(own, against, request["why"])
+        except GatewayError as error:
+            reason = str(error)
+        self._send(type="protest", accepted=not reason, reason=reason)
 
     async def _handle_steward(self, request: Request) -> None:
         stewarding, who = self._state.stewarding, self._identity.name

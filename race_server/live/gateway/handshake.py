@@ -109,11 +109,15 @@ def read_text(message: dict[str, Any], name: str, most: int) -> str:
     """Return a text of at most `most` characters, empty where it is missing.
 
     Raises:
-        GatewayError: it is no text, or longer.
+        GatewayError: it is no text, or longer, or has half a character, which UTF-8 has not.
     """
     value = message.get(name, "")
     if not isinstance(value, str) or len(value) > most:
         raise GatewayError("malformed", f"{name}: write up to {most} characters")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise GatewayError("malformed", f"{name}: half a character; write text") from error
     return value
 
 
@@ -162,4 +166,4 @@ def refusal_text(error: GatewayError) -> str:
 
 def close_reason(error: GatewayError) -> str:
     """Return the reason as far as it fits into a closing frame."""
-    return f"{error.code}: {error}".encode()[:MAX_REASON].decode(errors="ignore")
+    return f"{error.code}: {error}".encode(errors="replace")[:MAX_REASON].decode(errors="ignore")

@@ -13,6 +13,7 @@ from race_server.errors import GatewayError, RecordingError, WireError
 from race_server.live.client.event_stream import EventStream
 from race_server.live.gateway.limits import GatewayLimits
 from race_server.net.wire.spectate import decode_events
+from race_server.printable import printable
 from race_server.storage.recording.seekable import SeekableRecording
 
 ENDING = ".mcap"
@@ -99,7 +100,8 @@ class Library:
 
 def _is_recording(path: Path) -> bool:
     has_name = path.name.endswith(ENDING) and not path.name.endswith(_NOT_YET)
-    return has_name and not path.is_symlink() and path.is_file()
+    # A name that is no text can be told to no browser, and asked for by none.
+    return has_name and path.name.isprintable() and not path.is_symlink() and path.is_file()
 
 
 def _stamp(path: Path) -> Stamp | None:
@@ -120,13 +122,14 @@ def _title_of(path: Path) -> Title | None:
     try:
         return Title(
             name=path.name.removesuffix(ENDING),
-            course=str(json.loads(recording.start.setting)["course"]["name"]),
+            course=printable(str(json.loads(recording.start.setting)["course"]["name"])),
             started=recording.start.started_at,
             seconds=round(recording.last_tick / TICKS_PER_SECOND, 1),
             karts=len(recording.start.seats),
             finished=recording.is_finished(),
         )
-    except (ValueError, KeyError, TypeError, WireError):
+    # Text of a thousand brackets is no JSON either.
+    except (ValueError, KeyError, TypeError, RecursionError, WireError):
         return None
     finally:
         recording.close()

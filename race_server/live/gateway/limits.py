@@ -29,6 +29,8 @@ class GatewayLimits:
     message_bytes: int = 1 << 16
     texts_hz: float = 20.0
     controls_hz: float = 120.0
+    # Protests of a driver: each is a decision that the race takes.
+    protests_hz: float = 0.5
     # All that a browser sends, pings and fragments included.
     bytes_hz: float = 1 << 17
     # Fragments of one message.

@@ -12,7 +12,7 @@ from typing import TypeVar
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.messages import Event
 from race_server.core.rules.items import items
-from race_server.errors import GatewayError, RecordingError, TrackError, WireError
+from race_server.errors import GatewayError, RaceError, WireError
 from race_server.live.gateway.audience import (
     LOT,
     POSITION,
@@ -132,16 +132,21 @@ class Player:
             self._has_lot = scenario.course.lot is not None
             self._is_of_event = scenario.occasion is not None
             self._caster = RayCaster(course, scenario.lidar, scenario.radar)
-        except (RecordingError, TrackError) as error:
+            sheets = [
+                encode_course(course),
+                encode_rules(rules_sheet(scenario), [item.name for item in items()]),
+                encode_line(line_sheet(scenario)),
+            ]
+        except RaceError as error:
             raise GatewayError("no-recording", str(error)) from error
-        names = [item.name for item in items()]
+        # Whatever a setting with words of other kinds makes sensors and messages trip over.
+        except Exception as error:
+            raise GatewayError(
+                "no-recording",
+                f"the recording cannot be played ({type(error).__name__}: {error}); it is damaged",
+            ) from error
         ghosts = self._recording.newest(GHOSTS, FIRST_TICKS) if self._is_of_event else None
-        return [
-            encode_course(course),
-            encode_rules(rules_sheet(scenario), names),
-            encode_line(line_sheet(scenario)),
-            *([ghosts.data] if ghosts and _is_sound(decode_ghosts, ghosts) else []),
-        ]
+        return [*sheets, *([ghosts.data] if ghosts and _is_sound(decode_ghosts, ghosts) else [])]
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""

@@ -90,8 +90,9 @@ class Steward:
             raise SeatError(
                 f"a steward cannot {decision.act!r}; choose one of {known}", Reason.DECISION
             )
-        self.challenge = secrets.randbits(63) | 1
         sentence = act(self, decision)
+        # One that is refused changes nothing: no driver's protest stops a steward's decision.
+        self.challenge = secrets.randbits(63) | 1
         when = datetime.now(UTC).isoformat(timespec="milliseconds")
         who = decision.who or "steward"
         self.lines.append(f"{when} tick {self._session.tick} {who}: {sentence}")

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import flatbuffers
 import numpy as np
@@ -22,6 +22,8 @@ from race_server.net.wire.strict import F64, I32, I64, U8, U16, U32, U64, Table,
 MOST_TEAMS, MOST_CALLS, MOST_ATTEMPTS, MOST_DELETED, MOST_PROTESTS = 64, 16, 64, 64, 64
 # Characters of a text; the rest is cut off when it is written.
 MOST_TEXT = 160
+
+Row = TypeVar("Row")
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +96,26 @@ class ProgrammeFrame:
 
 
 def encode_programme(frame: ProgrammeFrame) -> bytes:
-    """Return an event as a message."""
+    """Return an event as a message.
+
+    Of a large event it holds only the newest deleted laps of each team, the newest protests and the
+    calls that come next, as many of each as fit into what a client reads.
+    """
+    most = MOST_DELETED
+    while len(data := _encoded(frame, most)) > topics.PROGRAMME.most_bytes and most:
+        most //= 2
+    return data
+
+
+def _encoded(frame: ProgrammeFrame, most: int) -> bytes:
+    """Return an event as a message. most: deleted laps of a team, protests, calls that come."""
     builder = flatbuffers.Builder(1024)
-    teams = build_vector(builder, [_add_team(builder, row) for row in frame.teams[:MOST_TEAMS]])
-    coming = build_vector(builder, [_add_call(builder, one) for one in frame.coming[:MOST_CALLS]])
-    kept = [_add_protest(builder, row) for row in frame.protests[-MOST_PROTESTS:]]
+    teams = build_vector(
+        builder, [_add_team(builder, row, most) for row in frame.teams[:MOST_TEAMS]]
+    )
+    next_calls = frame.coming[: min(most, MOST_CALLS)]
+    coming = build_vector(builder, [_add_call(builder, one) for one in next_calls])
+    kept = [_add_protest(builder, row) for row in _newest(frame.protests, min(most, MOST_PROTESTS))]
     protests = build_vector(builder, kept) if kept else 0
     now = _add_call(builder, frame.now) if frame.now else 0
     event, title, stage = (_text(builder, text) for text in (frame.event, frame.title, frame.stage))
@@ -123,10 +140,13 @@ def encode_programme(frame: ProgrammeFrame) -> bytes:
     return bytes(builder.Output())
 
 
-def _add_team(builder: Any, row: TeamRow) -> int:
-    deleted = build_vector(
-        builder, [_add_deleted(builder, lap) for lap in row.deleted[:MOST_DELETED]]
-    )
+def _newest(rows: tuple[Row, ...], most: int) -> tuple[Row, ...]:
+    return rows[max(len(rows) - most, 0) :]
+
+
+def _add_team(builder: Any, row: TeamRow, most_deleted: int) -> int:
+    laps = _newest(row.deleted, most_deleted)
+    deleted = build_vector(builder, [_add_deleted(builder, lap) for lap in laps])
     attempts = builder.CreateNumpyVector(np.array(row.attempts_us[:MOST_ATTEMPTS], np.int64))
     name, remark = _text(builder, row.name), _text(builder, row.remark)
     TeamTable.Start(builder)

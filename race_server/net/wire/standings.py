@@ -17,6 +17,8 @@ from race_server.net.wire.strict import I64, MOST_NAME, NAME_BYTES, U8, U16, U32
 from race_server.net.wire.timing import add_timing, read_timing
 
 MOST_ROWS = 64
+# Bytes of the name of a course: that of a file, at most 255, and what may be added to it.
+COURSE_BYTES = 320
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,7 @@ def decode_standings(data: bytes) -> StandingsFrame:
         phase=phase,
         flag=flag,
         laps=table.scalar(5, U32),
-        course=table.text(6, 64),
+        course=table.text(6, COURSE_BYTES),
         rows=tuple(rows),
     )
 

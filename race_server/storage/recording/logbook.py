@@ -7,6 +7,7 @@ name.
 
 import contextlib
 import fcntl
+import itertools
 import os
 from collections.abc import Callable
 from datetime import datetime
@@ -27,6 +28,8 @@ from race_server.user_data import user_data
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
+# When a race began, in the name of its recording.
+STAMP = "????????-??????-???"
 # At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
 # Messages of an old journal that may wait for the disk, and for how long.
@@ -39,6 +42,11 @@ def folder_of(words: str) -> Path | None:
     if words:
         return None if words == NOWHERE else Path(words).expanduser()
     return user_data("recordings")
+
+
+def recordings_of(folder: Path, session: str) -> list[Path]:
+    """Return the recordings of the races of a session that are over, oldest first."""
+    return sorted(folder.glob(f"{session}-{STAMP}.mcap"))
 
 
 class Logbook:
@@ -83,7 +91,7 @@ class Logbook:
         try:
             recording = read_recording(self.journal)
         except RecordingError as error:
-            self._move_aside(str(error), ".unreadable.mcap")
+            self._move_aside(str(error), "unreadable")
             return None
         if recording.is_complete:
             self._file_away(recording.start.started_at)
@@ -92,10 +100,13 @@ class Logbook:
 
     def put_aside(self, why: str) -> None:
         """Keep a journal that cannot be taken up, and say so."""
-        self._move_aside(why, ".aside.mcap")
+        self._move_aside(why, "aside")
 
-    def _move_aside(self, why: str, suffix: str) -> None:
-        aside = self.journal.with_suffix(suffix)
+    def _move_aside(self, why: str, word: str) -> None:
+        # Each has a name that is free: what was put aside before may still be wanted.
+        names = (f".{word}{f'-{n}' * (n > 1)}.mcap" for n in itertools.count(1))
+        places = map(self.journal.with_suffix, names)
+        aside = next(path for path in places if not path.exists())
         try:
             self.journal.replace(aside)
         except OSError as error:

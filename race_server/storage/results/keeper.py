@@ -50,14 +50,20 @@ class Keeper:
         self._writer.submit(self._outcome).wait(HOLD_S)
 
     def amend(self, standings: Sequence[Standing]) -> None:
-        """Replace the result of the race that was closed last, and wait until that is done."""
+        """Replace the result of the race that was closed last, as soon as the file can be written.
+
+        Nothing waits for the file: links and real karts need the server meanwhile.
+        """
         if self._outcome is not None:
             self._outcome = replace(self._outcome, standings=tuple(standings))
-            self._writer.submit(self._outcome).wait(HOLD_S)
+            self._writer.submit(self._outcome)
 
     def correct(self, correction: Correction) -> None:
-        """Change the result of a race of an event, and wait until that is done."""
-        self._writer.submit(correction).wait(HOLD_S)
+        """Change the result of a race of an event, as soon as the file can be written.
+
+        Nothing waits for the file: another race may be on.
+        """
+        self._writer.submit(correction)
 
     def add_laps(self, laps: Iterable[Lap]) -> Ticket:
         """Hand laps over to the file, and return the ticket of the last."""

@@ -147,7 +147,8 @@ class Store:
         """Return the number of a new race, or of one that a server which was killed has begun."""
         if race.is_taken_up:
             begun = self._connection.execute(
-                "select id from race where session = ? and started_at = ? and ended is null",
+                # It may have an end here that its recording, which came later, has not.
+                "select id from race where session = ? and started_at = ? order by id desc",
                 (race.session, race.started_at),
             ).fetchone()
             if begun is not None:
