@@ -11,7 +11,7 @@ across which no way goes on, and a turn round nothing: that leads back, and the 
 import math
 
 from race_agents.planning.corridor import Walls, find_gates, largest_edge
-from race_agents.planning.driven_way import moved_in, rays_across, remember_way, wall_off
+from race_agents.planning.driven_way import moved_in, rays_across, remember_way, shut, wall_off
 from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, remember_command
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
 from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
@@ -120,8 +120,7 @@ def find_gap(memory: Floats, rays: int, field: float, vehicle: Record) -> tuple[
         return edge, 1.0 if memory[KEPT + edge] > memory[KEPT + edge + 1] else -1.0
     free, half = KEPT + rays, HALF_WIDTHS * vehicle.width
     widen_edges(memory, KEPT, rays, field / (rays - 1), half, jump, memory, free)
-    for ray in range(max(across[0], 0), across[1] + 1):
-        memory[free + ray] = 0.0
+    shut(memory, free, across)
     depth = nearest_deepest(memory, free, rays, field)
     angle = middle_of_gap(memory, free, rays, field, DEEP_SHARE * depth)
     ray = int((angle / field + 0.5) * (rays - 1))

@@ -35,8 +35,11 @@ from race_agents.drivers.tentacle_search import (
     slide_window,
     wall_along,
 )
+from race_agents.planning.driven_way import rays_across, remember_way, shut, wall_off
 from race_agents.planning.scan import age_of_scan, fill_dropouts, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
+from race_agents.planning.turn_back import SIDE as BACK_TO
+from race_agents.planning.turn_back import has_turned_round
 from race_server.core.kernel_driver import (
     DECISION,
     FIELD,
@@ -79,6 +82,7 @@ GAP_HALF, GAP_JUMP, GAP_DEEP = 0.4, 0.5, 0.9
 LEAD_S = 0.05
 BEND_SHARE, BRAKE_SHARE, END_SHARE = 0.75, 0.6, 0.65
 STOP_GAP = 0.7  # body lengths
+BACK_SPEED = 3.5  # body lengths a second at most while it turns back
 
 
 @kernel
@@ -226,12 +230,18 @@ def feel(cockpit: Cockpit) -> None:
     step, widened = field / (rays - 1), KEPT + rays
     wheelbase = vehicle.front_axle + vehicle.rear_axle
     fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
-    half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
-    widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
-    depth = nearest_deepest(memory, widened, rays, field)
-    goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
     later = LEAD_S + age_of_scan(observation, offsets[LIDAR], rays, setup[DECISION], memory)
     turn = later * observation[offsets[YAW_RATE]]
+    place_points(memory, rays, field, later * speed, turn)
+    has_turned = has_turned_round(cockpit, rays)
+    remember_way(cockpit)
+    across = rays_across(memory, rays, field, vehicle.length)
+    wall_off(memory, rays, field, vehicle.length)
+    half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
+    widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
+    shut(memory, widened, across)
+    depth = nearest_deepest(memory, widened, rays, field)
+    goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
     place_points(memory, rays, field, later * speed, turn)
     now = math.tan(observation[offsets[STEERING]]) / wheelbase
     drivable = choose_arc(memory, rays, step, speed, now, goal - turn, vehicle)
@@ -239,6 +249,8 @@ def feel(cockpit: Cockpit) -> None:
     target = _speed(
         memory, KEPT + 4 * rays, vehicle, observation[offsets[GRIP_SCALE]], depth, drivable
     )
+    if has_turned:
+        control[0], target = memory[BACK_TO], min(target, BACK_SPEED * vehicle.length)
     press_pedals(
         observation[offsets[SPEED]], min(target, observation[offsets[SPEED_CAP]]), 2.7, control
     )

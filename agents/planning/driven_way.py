@@ -107,6 +107,16 @@ def rays_across(memory: Floats, rays: int, field: float, length: float) -> tuple
 
 
 @kernel
+def shut(ranges: Floats, base: int, across: tuple[int, int]) -> None:
+    """Let no way lead along rays that look across the way driven, see `rays_across`.
+
+    ranges: (n,) [m], the scan from `base` on.
+    """
+    for ray in range(max(across[0], 0), across[1] + 1):
+        ranges[base + ray] = 0.0
+
+
+@kernel
 def wall_off(memory: Floats, rays: int, field: float, length: float) -> None:
     """Let the way driven be a wall: rays that look across it end there, and so do their points.
 

@@ -230,3 +230,20 @@ def decision(ahead: float, side: float, speed: float) -> Control:
     driver = tentacles.Tentacles()
     driver.reset(briefing("lidar", lidar_field=FIELD))
     return driver.act(Observation(0, layout, values))
+
+
+def test_a_car_that_turned_round_nothing_steers_back_fully_and_slowly() -> None:
+    layout = layout_of("lidar", RAYS)
+    values = np.zeros(layout.size, np.float32)
+    values[layout.slices["lidar"]] = 8.0
+    told = {"speed": 1.8, "yaw_rate": 2.0, "speed_cap": 20.0, "grip_scale": 1.0}
+    for part, value in told.items():
+        values[layout.slices[part]] = value
+    driver = tentacles.Tentacles()
+    driver.reset(briefing("lidar", lidar_field=FIELD))
+    decided = [driver.act(Observation(tick, layout, values)) for tick in range(0, 75, 3)]
+    # 0.1 rad a decision to the left: beyond 115° with the 21st.
+    assert decided[19].steering > -1.0
+    assert decided[21].steering == -1.0
+    assert decided[21].throttle == 0.0
+    assert decided[21].brake > 0.0  # 1.8 m/s are more than 3.5 lengths a second
