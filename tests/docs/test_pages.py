@@ -37,6 +37,15 @@ def test_a_page_names_only_what_exists(page: Page, facts: Facts) -> None:
     assert check(page, facts) == []
 
 
+def test_the_table_of_decisions_has_each_page_with_its_date_and_title() -> None:
+    folder = ROOT / "docs" / "design"
+    table = (folder / "index.md").read_text()
+    for path in sorted(folder.glob("0*.md")):
+        title, _, date = path.read_text().splitlines()[:3]
+        number, _, words = title.removeprefix("# ").partition(". ")
+        assert f"| [{number}]({path.name}) | {date.strip('*')} | {words} |" in table
+
+
 @pytest.mark.net
 @pytest.mark.slow
 @pytest.mark.timeout(600)
