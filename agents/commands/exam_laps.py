@@ -164,11 +164,16 @@ def _examine(
 
 
 def editions_of(drivers: Sequence[str]) -> dict[str, str]:
-    """Return a digest of the policy of each driver that has learned."""
-    from race_agents.policies.registry import policy_path
+    """Return a digest of the policy of each driver that has learned, also behind a wrapper.
 
-    learned = [name for name in drivers if name.startswith(LEARNED)]
-    files = {name: policy_path(name.removeprefix(LEARNED)).read_bytes() for name in learned}
+    Raises:
+        DriverError: there is no such policy, or it cannot be read.
+    """
+    from race_agents.policies.registry import policy_bytes, policy_path
+
+    # As in unstuck:learned:full; that a driver learned is said by the whole of a name.
+    policies = {name: f":{name}".partition(f":{LEARNED}")[2] for name in drivers}
+    files = {name: policy_bytes(policy_path(one)) for name, one in policies.items() if one}
     return {name: hashlib.sha256(data).hexdigest()[:16] for name, data in files.items()}
 
 

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
+from race_agents.commands.exam_laps import editions_of
 from race_server.competition import lap_exam
 from race_server.competition.lap_exam import (
     CourseTry,
@@ -126,6 +127,19 @@ def test_a_driver_whose_policy_has_changed_is_driven_again(
         list(examine(spec, ["learned:full"], {"learned:full": edition}))
     assert len(driven) == 2
     assert drive_with_limit is not lap_exam.drive_with_limit
+
+
+def test_a_policy_is_known_by_its_content_behind_a_wrapper_too(tmp_path: Path) -> None:
+    policy = tmp_path / "policy.onnx"
+    drivers = [f"learned:{policy}", f"unstuck:learned:{policy}", "unstuck:follow_gap"]
+    policy.write_bytes(b"old")
+    old = editions_of(drivers)
+    policy.write_bytes(b"new")
+    new = editions_of(drivers)
+    assert set(old) == set(new) == set(drivers[:2])
+    assert len({old[drivers[0]], new[drivers[0]]}) == 2
+    assert old[drivers[0]] == old[drivers[1]]
+    assert new[drivers[0]] == new[drivers[1]]
 
 
 def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
