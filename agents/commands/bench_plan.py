@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
+from race_server.kept_file import check_place
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ def bench_plan(
     from race_server.core.vehicle_presets import vehicle_named
 
     parked = vehicle_named(vehicle)
+    if plot is not None:
+        check_place(plot)
     if drive:
         driven = bench_drive(parked, runs=runs, seed=seed, text=task)
         if as_json:

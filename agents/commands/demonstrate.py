@@ -8,6 +8,7 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import names_in
 from race_server.errors import ScenarioError, brought_by
+from race_server.kept_file import check_place
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -55,8 +56,7 @@ def demonstrate(
         raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
     if bool(driver) == (recording is not None):
         raise ScenarioError(f"driver {driver!r}, --recording {recording}: give one of the two")
-    if not out.parent.is_dir():
-        raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
+    check_place(out)
     with brought_by("train"):
         from race_agents.training.demonstrations import write_demonstrations
         from race_agents.training.demonstrator import demonstrate as drive_laps

@@ -187,21 +187,18 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     console = Console(stderr=True)
     begun = time.monotonic()
     results = list(_examine(specs, drivers, console, quiet=options.as_json))
-    if options.plot is not None:
-        _draw(results, options.plot)
     recorded = _record(results, options.record, console) if options.record else []
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
         document = {"rows": [result.row() for result in results], "wall_s": seconds}
         print_document(document | ({"recordings": recorded} if options.record else {}))
-        return
-    _show(results)
-    for row in recorded:
-        Console().print(
-            f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}",
-            highlight=False,
-            soft_wrap=True,
-        )
+    else:
+        _show(results)
+        for row in recorded:
+            words = f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}"
+            Console().print(words, highlight=False, soft_wrap=True)
+    if options.plot is not None:
+        _draw(results, options.plot)
 
 
 def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:

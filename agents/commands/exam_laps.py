@@ -114,16 +114,16 @@ def laps(options: LapOptions) -> None:
     console, begun = Console(stderr=True), time.monotonic()
     tries, stopped = _examine(spec, drivers, console, quiet=options.as_json)
     rows = rows_of(tries)
-    if options.plot is not None and rows:
-        from race_server.competition.lap_picture import draw_laps
-
-        draw_laps(rows, tries, options.plot)
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
         document = {"rows": [asdict(row) for row in rows], "tries": [asdict(one) for one in tries]}
         print_document(document | {"stopped": stopped, "wall_s": seconds})
     else:
         _show(rows)
+    if options.plot is not None and rows:
+        from race_server.competition.lap_picture import draw_laps
+
+        draw_laps(rows, tries, options.plot)
     if stopped:
         console.print("stopped: these are the courses that were finished", style="yellow")
         sys.exit(130)

@@ -59,14 +59,14 @@ def sweep(options: SweepOptions) -> None:
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
     console = Console(stderr=True)
     rows, stopped = _sweep(spec, drivers, console, quiet=options.as_json)
-    if options.plot is not None and rows:
-        from race_server.competition.lap_sweep_picture import draw_sweep
-
-        draw_sweep(rows, options.plot)
     if options.as_json:
         print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
     else:
         _show(rows, drivers)
+    if options.plot is not None and rows:
+        from race_server.competition.lap_sweep_picture import draw_sweep
+
+        draw_sweep(rows, options.plot)
     if stopped:
         console.print("stopped: these are the factors that were finished", style="yellow")
         sys.exit(130)

@@ -90,14 +90,14 @@ def transfer(options: TransferOptions) -> None:
     found, stopped = _drive(spec, drivers, console, quiet=options.as_json)
     rows = sorted(rows_of(found), key=lambda row: tracks.index(row.track))
     rows.sort(key=lambda row: drivers.index(row.driver))
-    if options.plot is not None and rows:
-        from race_server.competition.transfer_picture import draw_transfer
-
-        draw_transfer(rows, options.plot)
     if options.as_json:
         print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
     else:
         _show(rows)
+    if options.plot is not None and rows:
+        from race_server.competition.transfer_picture import draw_transfer
+
+        draw_transfer(rows, options.plot)
     if stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)

@@ -55,13 +55,13 @@ def coach(
         check_picture(picture)
     console = Console(stderr=True)
     lessons = _lessons(source, track, vehicle, laps, seed, only, console)
-    if picture is not None:
-        _draw(lessons, picture, console)
     if as_json:
         print_document({"lessons": [lesson.as_json() for lesson in lessons]})
-        return
-    for lesson in lessons:
-        _show(lesson)
+    else:
+        for lesson in lessons:
+            _show(lesson)
+    if picture is not None:
+        _draw(lessons, picture, console)
 
 
 def _lessons(

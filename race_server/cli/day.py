@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language, Results, VehicleName, known_drivers
 from race_server.cli.serve_event import TRACKS, tracks_for
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def day(
     """Run a whole race day: qualification, races, and the final classification."""
     from race_server.competition.race_day.formats import format_named
     from race_server.competition.race_day.languages import language_of
-    from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.picture import SUFFIXES, draw_picture
     from race_server.competition.race_day.plan import DayPlan, teams_of
     from race_server.competition.race_day.report import day_document
     from race_server.competition.race_day.table import print_tables
@@ -76,7 +77,7 @@ def day(
     plan = DayPlan(chosen, teams_of(names), courses, car, seed)
     plan.check()
     if sheet is not None:
-        check_picture(sheet)
+        check_picture(sheet, SUFFIXES)
     console = Console(stderr=True)
     ledger = _run(plan, results, console)
     if as_json:

@@ -9,6 +9,7 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language
 from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -43,12 +44,12 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show an event as it stands: all attempts and races so far, and the classification."""
-    from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.picture import SUFFIXES, draw_picture
     from race_server.competition.race_day.report import event_document
 
     day, state = _event_in(Path(event) if event else newest_event(record))
     if sheet is not None:
-        check_picture(sheet)
+        check_picture(sheet, SUFFIXES)
     if as_json:
         print_document(event_document(day, state))
     else:

@@ -12,7 +12,9 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import Unfit, drivers_for, names_in, seeds_from
-from race_server.errors import ResultsError, ScenarioError
+from race_server.errors import ScenarioError
+from race_server.kept_file import check_place
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -143,9 +145,9 @@ def trial(options: TrialOptions) -> None:
     with RunLog(path_of(options.results)) as log:
         plan = TrialPlan(tuple(specs), tuple(gaps), options.jobs, options.ghost, log.path)
         done = _drive(plan, log, console, quiet=options.as_json)
-        _write_files(done, options, console)
         _show(done, names if options.beside else (), as_json=options.as_json)
         _finish(log, console)
+    _write_files(done, options, console)
     if done.stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)
@@ -208,14 +210,16 @@ def _names(text: str, option: str) -> list[str]:
 
 
 def _check_files(plot: Path | None, *tables: Path | None) -> None:
-    """Check before the first run that the files can be written."""
-    if plot is not None:
-        from race_server.pictures import check_picture
+    """Check before the first run that the files can be written.
 
+    Raises:
+        ScenarioError: there is no place for one of them, or the picture has another ending.
+    """
+    if plot is not None:
         check_picture(plot)
-    for path in (plot, *tables):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ResultsError(f"{path}: its folder does not exist; make it first")
+    for path in tables:
+        if path is not None:
+            check_place(path)
 
 
 def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -> "Trial":

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
 from race_agents.commands.exam_laps import editions_of
-from race_server.competition import lap_exam
+from race_server.competition import lap_exam, lap_picture
 from race_server.competition.lap_exam import (
     CourseTry,
     LapExamSpec,
@@ -28,7 +28,7 @@ from race_server.competition.time_trial.gaps import gaps_named
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import KART_60, TT02
-from race_server.errors import TrackError
+from race_server.errors import ScenarioError, TrackError
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.load import load_course
 
@@ -173,6 +173,22 @@ def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
     tries = [one_try("a", 2, 1.02), one_try("b", 1, 1.06)]
     draw_laps([LapRow.of(tries)], tries, tmp_path / "laps.svg")
     assert "raceline" in (tmp_path / "laps.svg").read_text()
+
+
+def test_a_picture_that_cannot_be_written_takes_no_figure_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise ScenarioError("laps.png cannot be written: no space left")
+
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    monkeypatch.setattr(lap_picture, "draw_laps", full)
+    words = ["laps", "--drivers", "raceline", "--courses", "1", "--json"]
+    shown = CliRunner().invoke(app, [*words, "--plot", str(tmp_path / "laps.png")])
+    assert "no space left" in str(shown.exception)
+    assert json.loads(shown.stdout)["rows"][0]["driver"] == "raceline"
 
 
 def test_the_rows_of_the_document_have_the_keys_that_were_promised(
