@@ -16,7 +16,7 @@ from race_agents.commands.exam_retention import retention
 from race_agents.commands.exam_sweep import sweep
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in, seeds_from
+from race_server.cli.options import known_drivers, names_in, once, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -158,7 +158,8 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     from race_agents.commands.exam_gap import gap_of
     from race_server.competition.parking_exam import ExamSpec
 
-    drivers, scenarios = known_drivers(options.drivers), names_in(options.scenario)
+    drivers = once(known_drivers(options.drivers))
+    scenarios = once(names_in(options.scenario))
     if not drivers or not scenarios:
         raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
     if options.plot is not None:

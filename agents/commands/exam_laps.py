@@ -12,7 +12,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in
+from race_server.cli.options import Unfit, drivers_for, names_in, once
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -96,7 +96,8 @@ def laps(options: LapOptions) -> None:
     from race_server.core.vehicle_presets import vehicle_named
 
     vehicle = vehicle_named(options.vehicle)
-    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    given = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    drivers = once(given)
     if not drivers:
         raise ScenarioError("--drivers needs a name, or several separated by commas")
     if options.plot is not None:
@@ -108,7 +109,7 @@ def laps(options: LapOptions) -> None:
     )
     spec = LapExamSpec(
         *(names, options.vehicle, options.laps, options.jobs),
-        gaps=tuple(gaps_named(list(dict.fromkeys(names_in(options.gaps))) or [NONE.name])),
+        gaps=tuple(gaps_named(list(once(names_in(options.gaps))) or [NONE.name])),
         warm_up=options.warm_up,
     )
     console, begun = Console(stderr=True), time.monotonic()

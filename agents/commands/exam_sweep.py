@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import DRIVERS, Drivers, editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in
+from race_server.cli.options import Unfit, drivers_for, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -49,8 +49,9 @@ def sweep(options: SweepOptions) -> None:
     """
     from race_server.competition.lap_exam import LapExamSpec
 
-    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
-    tracks = tuple(names_in(options.tracks))
+    given = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    drivers = once(given)
+    tracks = once(names_in(options.tracks))
     for names, option in ((drivers, "--drivers"), (tracks, "--tracks")):
         if not names:
             raise ScenarioError(f"{option} needs a name, or several separated by commas")

@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in
+from race_server.cli.options import known_drivers, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -71,7 +71,7 @@ def transfer(options: TransferOptions) -> None:
     from race_server.second.highway_options import NAME
     from race_server.second.simulator import check_simulator
 
-    drivers = known_drivers(options.drivers)
+    drivers = once(known_drivers(options.drivers))
     if not drivers:
         raise ScenarioError("no driver; name one or more, separated by commas")
     if not is_target(options.to):
@@ -79,7 +79,7 @@ def transfer(options: TransferOptions) -> None:
     check_simulator(options.to)
     if options.plot is not None:
         check_picture(options.plot)
-    tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
+    tracks = once(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs, traffic=options.traffic)
     console = Console(stderr=True)
     if options.traffic or options.to != NAME:

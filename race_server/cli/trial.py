@@ -11,7 +11,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in, seeds_from
+from race_server.cli.options import Unfit, drivers_for, names_in, once, seeds_from
 from race_server.errors import ScenarioError
 from race_server.kept_file import check_place
 from race_server.pictures import check_picture
@@ -163,7 +163,7 @@ def _drivers(options: TrialOptions) -> tuple[str, ...]:
         raise ScenarioError(
             f"no usual driver is made for all of {', '.join(vehicles)}; name one with --drivers"
         )
-    return names
+    return once(names)
 
 
 def _gaps(options: TrialOptions) -> "list[Gap]":
@@ -203,7 +203,7 @@ def _specs(options: TrialOptions, names: tuple[str, ...], gaps: "list[Gap]") -> 
 
 
 def _names(text: str, option: str) -> list[str]:
-    names = list(dict.fromkeys(names_in(text)))
+    names = list(once(names_in(text)))
     if not names:
         raise ScenarioError(f"{option} is empty; name one or more, separated by commas")
     return names

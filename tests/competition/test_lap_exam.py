@@ -175,6 +175,19 @@ def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
     assert "raceline" in (tmp_path / "laps.svg").read_text()
 
 
+def test_a_driver_that_is_named_twice_is_examined_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[RunSpec] = []
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    words = ["laps", "--drivers", "raceline,raceline", "--courses", "1", "--json"]
+    (row,) = json.loads(CliRunner().invoke(app, words).stdout)["rows"]
+    assert (row["driver"], row["courses"], row["laps"]) == ("raceline", 1, 5)
+    assert len(driven) == 1
+
+
 def test_a_picture_that_cannot_be_written_takes_no_figure_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
