@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import names_in
+from race_server.cli.options import MOST_LAPS, names_in
+from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError, brought_by
 from race_server.kept_file import check_place
 from race_server.terminal import Console
@@ -22,11 +23,13 @@ def demonstrate(
     tracks: Annotated[
         str, typer.Option("--tracks", "--track", help="Comma-separated names of tracks.")
     ] = "covapsy-train-2023",
-    laps: Annotated[int, typer.Option(min=1, help="Laps on each track.")] = 5,
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps on each track.")] = 5,
     vehicle: Annotated[
         str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
     ] = "tt02",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of sensors, start and noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Seed of sensors, start and noise.")
+    ] = 1,
     noise: Annotated[
         float,
         typer.Option(

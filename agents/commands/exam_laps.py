@@ -12,7 +12,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in, once
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -62,11 +62,15 @@ class LapOptions:
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
     ] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each course.")] = 5
+    laps: Annotated[
+        int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each course.")
+    ] = 5
     warm_up: Annotated[
         int,
         typer.Option(
-            min=1, help="Laps before those. 2: a driver that learns its course is asked from lap 3."
+            min=1,
+            max=MOST_LAPS,
+            help="Laps before those. 2: a driver that learns its course is asked from lap 3.",
         ),
     ] = 1
     gaps: Annotated[

@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import DRIVERS, Drivers, editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in, once
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -31,7 +31,7 @@ class SweepOptions:
         str, typer.Option(help="Comma-separated tracks, each driven at each step.")
     ] = "covapsy-base,covapsy-test-2023"
     vehicle: Annotated[str, typer.Option(help="Vehicle.")] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each track.")] = 5
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each track.")] = 5
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw clean laps over the steps into this .png or .svg file."),

@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in, once
+from race_server.cli.options import MOST_LAPS, known_drivers, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -45,7 +45,10 @@ class TransferOptions:
     ] = ""
     vehicle: Annotated[str, typer.Option(help="Vehicle: a model car or a kart.")] = "tt02"
     laps: Annotated[
-        int, typer.Option(min=1, help="Counted laps of each run; one that is not comes first.")
+        int,
+        typer.Option(
+            min=1, max=MOST_LAPS, help="Counted laps of each run; one that is not comes first."
+        ),
     ] = 5
     traffic: Annotated[
         int, typer.Option(min=0, help="Vehicles of highway-env to overtake, here and there.")

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import drivers_for
+from race_server.cli.options import MOST_LAPS, drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.seeds import MOST_SEED
 from race_server.pictures import check_picture
@@ -30,7 +30,9 @@ def coach(
         str, typer.Option(help="Of a driver: course, a name from `race track list`.")
     ] = "hangar-400",
     vehicle: Annotated[str, typer.Option(help="Of a driver: its vehicle.")] = "kart-60",
-    laps: Annotated[int, typer.Option(min=1, help="Of a driver: laps after a flying start.")] = 3,
+    laps: Annotated[
+        int, typer.Option(min=1, max=MOST_LAPS, help="Of a driver: laps after a flying start.")
+    ] = 3,
     seed: Annotated[
         int, typer.Option(min=0, max=MOST_SEED, help="Of a driver: seed of the run.")
     ] = 1,

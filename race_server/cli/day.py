@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language, Results, VehicleName, known_drivers
 from race_server.cli.serve_event import TRACKS, tracks_for
+from race_server.core.seeds import MOST_SEED
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
@@ -38,7 +39,9 @@ def day(
             "file.",
         ),
     ] = "2023",
-    seed: Annotated[int, typer.Option(help="Seed of all random draws of the day.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Seed of all random draws of the day.")
+    ] = 1,
     drivers: Annotated[
         str,
         typer.Option(help="Comma-separated drivers, one team for each. Default: eight, mixed."),

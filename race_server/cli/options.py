@@ -9,6 +9,9 @@ import typer
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
 
+# More would be days of driving, or no number that a world keeps.
+MOST_LAPS = 100_000
+
 Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
 Course = Annotated[
     str,

@@ -11,7 +11,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in, once, seeds_from
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once, seeds_from
 from race_server.errors import ScenarioError
 from race_server.kept_file import check_place
 from race_server.pictures import check_picture
@@ -53,7 +53,7 @@ class TrialOptions:
             help="Comma-separated: tt02, tt02-drift, kart-13, kart-30, kart-60.",
         ),
     ] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each run.")] = 5
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each run.")] = 5
     seeds: Annotated[
         int,
         typer.Option(
@@ -114,7 +114,11 @@ class TrialOptions:
     jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
     decision_limit: Annotated[
         float,
-        typer.Option(min=0.01, help="Time limit of one decision [s]; a slower driver has stalled."),
+        typer.Option(
+            min=0.01,
+            max=3600.0,
+            help="Time limit of one decision [s]; a slower driver has stalled.",
+        ),
     ] = 2.0
     results: Annotated[
         str,
