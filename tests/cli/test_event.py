@@ -13,9 +13,8 @@ from race_server.errors import ScenarioError
 from support.served_event import TRIAL
 
 LONG = "an-evening-with-a-name-that-is-longer-than-any-column-of-a-terminal-would-be-by-itself"
-DRIVE = RaceRecord(
-    "0a", (TeamResult("Anna", 1, 1, 9_000_000, 9_000_000, (9_000_000,), *[0] * 4, ""),)
-)
+RESULT = TeamResult("Anna", 1, 1, 9_000_000, 9_000_000, (9_000_000,), 0, 0, 0, 0, "")
+DRIVE = RaceRecord("0a", (RESULT,))
 
 
 def write(folder: Path, name: str, records: int = 1) -> Path:
