@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are whole or not there, and places where a file can be written."""
 
 import contextlib
 import errno
@@ -7,6 +7,20 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
+
+from race_server.errors import ScenarioError
+
+
+def check_place(path: Path) -> None:
+    """Check, before what it is to hold is worked out, that there is a place for a file.
+
+    Raises:
+        ScenarioError: it is a folder, or its folder does not exist.
+    """
+    if path.is_dir():
+        raise ScenarioError(f"{path}: is a folder; name a file")
+    if not path.absolute().parent.is_dir():
+        raise ScenarioError(f"{path}: its folder does not exist; make it first")
 
 
 def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:

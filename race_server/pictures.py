@@ -1,9 +1,11 @@
 """The one way to a file of a picture: text in it is data, neither mathematics nor control."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from race_server.errors import ScenarioError
+from race_server.kept_file import check_place
 from race_server.printable import printable
 
 SUFFIXES = (".png", ".svg")
@@ -11,14 +13,15 @@ SUFFIXES = (".png", ".svg")
 DRIVER_COLOURS = ("#1565c0", "#d84315", "#2e7d32", "#6a1b9a", "#00838f", "#f9a825")
 
 
-def check_picture(path: Path) -> None:
+def check_picture(path: Path, suffixes: Sequence[str] = SUFFIXES) -> None:
     """Check, before what is drawn is worked out, that a picture can be drawn into a file.
 
     Raises:
-        ScenarioError: its suffix is neither .png nor .svg.
+        ScenarioError: it has none of the suffixes, is a folder, or its folder does not exist.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ScenarioError(f"{path}: write the picture as {' or '.join(SUFFIXES)}")
+    if path.suffix.lower() not in suffixes:
+        raise ScenarioError(f"{path}: write the picture as {' or '.join(suffixes)}")
+    check_place(path)
 
 
 def bare_axes(panel: Any) -> None:

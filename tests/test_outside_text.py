@@ -79,7 +79,7 @@ def test_a_terminal_never_obeys_a_name(name: str, capsys: pytest.CaptureFixture[
 def test_an_error_that_quotes_a_name_is_told_as_text(
     error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(main, "app", Mock(side_effect=error))
+    monkeypatch.setattr(main, "command_line", lambda: Mock(side_effect=error))
     with pytest.raises(SystemExit) as end:
         main.main()
     assert end.value.code == (2 if isinstance(error, RaceError) else 1)

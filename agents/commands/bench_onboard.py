@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from race_server.cli.document import AsJson, print_document
+from race_server.core.seeds import MOST_SEED
 from race_server.terminal import say
 
 MILLI = 1e3
@@ -18,7 +19,7 @@ def bench_onboard(
     seconds: Annotated[
         float, typer.Option(min=2.0, max=600.0, help="Length of the drive [s].")
     ] = 60.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the drive.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the drive.")] = 1,
     golden: Annotated[
         Path | None,
         typer.Option(help="Write inputs and outputs of the drive to this .npz file, for a port."),

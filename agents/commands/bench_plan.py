@@ -7,6 +7,8 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
+from race_server.core.seeds import MOST_SEED
+from race_server.kept_file import check_place
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ def bench_plan(
         str,
         typer.Option(help="Vehicle: with a trailer, such as lorry-16m5, it reverses into docks."),
     ] = "car",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the starts.")] = 0,
     plot: Annotated[
         Path | None, typer.Option(help="Draw a plan of each task into this file.")
     ] = None,
@@ -48,6 +50,8 @@ def bench_plan(
     from race_server.core.vehicle_presets import vehicle_named
 
     parked = vehicle_named(vehicle)
+    if plot is not None:
+        check_place(plot)
     if drive:
         driven = bench_drive(parked, runs=runs, seed=seed, text=task)
         if as_json:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import names_in
+from race_server.cli.options import MOST_LAPS, names_in
+from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError, brought_by
+from race_server.kept_file import check_place
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -21,11 +23,13 @@ def demonstrate(
     tracks: Annotated[
         str, typer.Option("--tracks", "--track", help="Comma-separated names of tracks.")
     ] = "covapsy-train-2023",
-    laps: Annotated[int, typer.Option(min=1, help="Laps on each track.")] = 5,
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps on each track.")] = 5,
     vehicle: Annotated[
         str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
     ] = "tt02",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of sensors, start and noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Seed of sensors, start and noise.")
+    ] = 1,
     noise: Annotated[
         float,
         typer.Option(
@@ -55,8 +59,7 @@ def demonstrate(
         raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
     if bool(driver) == (recording is not None):
         raise ScenarioError(f"driver {driver!r}, --recording {recording}: give one of the two")
-    if not out.parent.is_dir():
-        raise ScenarioError(f"--out {out}: there is no folder {out.parent}")
+    check_place(out)
     with brought_by("train"):
         from race_agents.training.demonstrations import write_demonstrations
         from race_agents.training.demonstrator import demonstrate as drive_laps

@@ -8,6 +8,7 @@ from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
+from race_server.core.seeds import MOST_SEED
 from race_server.terminal import Console
 
 
@@ -18,7 +19,8 @@ def drill_faults(
         str, typer.Option(help="Only this fault, by its name in the table. Default: all.")
     ] = "",
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the kart as built and of its sensors.")
+        int,
+        typer.Option(min=0, max=MOST_SEED, help="Seed of the kart as built and of its sensors."),
     ] = 1,
     as_json: AsJson = False,
 ) -> None:

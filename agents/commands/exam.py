@@ -16,7 +16,7 @@ from race_agents.commands.exam_retention import retention
 from race_agents.commands.exam_sweep import sweep
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in, seeds_from
+from race_server.cli.options import known_drivers, names_in, once, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -158,7 +158,8 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     from race_agents.commands.exam_gap import gap_of
     from race_server.competition.parking_exam import ExamSpec
 
-    drivers, scenarios = known_drivers(options.drivers), names_in(options.scenario)
+    drivers = once(known_drivers(options.drivers))
+    scenarios = once(names_in(options.scenario))
     if not drivers or not scenarios:
         raise ScenarioError("--drivers and --scenario need a name each, separated by commas")
     if options.plot is not None:
@@ -187,21 +188,18 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     console = Console(stderr=True)
     begun = time.monotonic()
     results = list(_examine(specs, drivers, console, quiet=options.as_json))
-    if options.plot is not None:
-        _draw(results, options.plot)
     recorded = _record(results, options.record, console) if options.record else []
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
         document = {"rows": [result.row() for result in results], "wall_s": seconds}
         print_document(document | ({"recordings": recorded} if options.record else {}))
-        return
-    _show(results)
-    for row in recorded:
-        Console().print(
-            f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}",
-            highlight=False,
-            soft_wrap=True,
-        )
+    else:
+        _show(results)
+        for row in recorded:
+            words = f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}"
+            Console().print(words, highlight=False, soft_wrap=True)
+    if options.plot is not None:
+        _draw(results, options.plot)
 
 
 def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from race_agents.commands.exam_watch import examined
 from race_server.cli.document import AsJson
-from race_server.cli.options import names_in, seeds_from
+from race_server.cli.options import names_in, once, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
@@ -32,7 +32,7 @@ def coaching(
     """
     from race_agents.pupils.coaching_exam import CoachingExamSpec, document_of, examine
 
-    names = names_in(tracks)
+    names = once(names_in(tracks))
     if not names:
         raise ScenarioError("--tracks is empty; name one or more, separated by commas")
     chosen = seeds_from(first_seed, seeds)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from race_server.envs.reality_gap import FACTORS, RealityGap
 from race_server.errors import ScenarioError
 
+MOST = 1000.0  # of any factor: no vehicle is a thousand times another
+
 
 def gap_of(asked: Sequence[str]) -> RealityGap:
     """Return the gap of texts such as mass=1.2.
@@ -22,10 +24,10 @@ def gap_of(asked: Sequence[str]) -> RealityGap:
             factor = float(value)
         except ValueError:
             factor = math.nan
-        if name not in names or not math.isfinite(factor):
+        if name not in names or not abs(factor) <= MOST:
             raise ScenarioError(
-                f"--gap {text}: give FACTOR=VALUE, such as hitch=1.1; factors are "
-                f"{', '.join(names)}"
+                f"--gap {text}: give FACTOR=VALUE, at most {MOST:g}, such as hitch=1.1; factors "
+                f"are {', '.join(names)}"
             )
         gap = replace(gap, **{name: (factor, factor)})
     gap.ranges()

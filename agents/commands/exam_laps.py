@@ -12,7 +12,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
@@ -62,11 +62,15 @@ class LapOptions:
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
     ] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each course.")] = 5
+    laps: Annotated[
+        int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each course.")
+    ] = 5
     warm_up: Annotated[
         int,
         typer.Option(
-            min=1, help="Laps before those. 2: a driver that learns its course is asked from lap 3."
+            min=1,
+            max=MOST_LAPS,
+            help="Laps before those. 2: a driver that learns its course is asked from lap 3.",
         ),
     ] = 1
     gaps: Annotated[
@@ -96,7 +100,8 @@ def laps(options: LapOptions) -> None:
     from race_server.core.vehicle_presets import vehicle_named
 
     vehicle = vehicle_named(options.vehicle)
-    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    given = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    drivers = once(given)
     if not drivers:
         raise ScenarioError("--drivers needs a name, or several separated by commas")
     if options.plot is not None:
@@ -108,22 +113,22 @@ def laps(options: LapOptions) -> None:
     )
     spec = LapExamSpec(
         *(names, options.vehicle, options.laps, options.jobs),
-        gaps=tuple(gaps_named(list(dict.fromkeys(names_in(options.gaps))) or [NONE.name])),
+        gaps=tuple(gaps_named(list(once(names_in(options.gaps))) or [NONE.name])),
         warm_up=options.warm_up,
     )
     console, begun = Console(stderr=True), time.monotonic()
     tries, stopped = _examine(spec, drivers, console, quiet=options.as_json)
     rows = rows_of(tries)
-    if options.plot is not None and rows:
-        from race_server.competition.lap_picture import draw_laps
-
-        draw_laps(rows, tries, options.plot)
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
         document = {"rows": [asdict(row) for row in rows], "tries": [asdict(one) for one in tries]}
         print_document(document | {"stopped": stopped, "wall_s": seconds})
     else:
         _show(rows)
+    if options.plot is not None and rows:
+        from race_server.competition.lap_picture import draw_laps
+
+        draw_laps(rows, tries, options.plot)
     if stopped:
         console.print("stopped: these are the courses that were finished", style="yellow")
         sys.exit(130)
@@ -164,11 +169,16 @@ def _examine(
 
 
 def editions_of(drivers: Sequence[str]) -> dict[str, str]:
-    """Return a digest of the policy of each driver that has learned."""
-    from race_agents.policies.registry import policy_path
+    """Return a digest of the policy of each driver that has learned, also behind a wrapper.
 
-    learned = [name for name in drivers if name.startswith(LEARNED)]
-    files = {name: policy_path(name.removeprefix(LEARNED)).read_bytes() for name in learned}
+    Raises:
+        DriverError: there is no such policy, or it cannot be read.
+    """
+    from race_agents.policies.registry import policy_bytes, policy_path
+
+    # As in unstuck:learned:full; that a driver learned is said by the whole of a name.
+    policies = {name: f":{name}".partition(f":{LEARNED}")[2] for name in drivers}
+    files = {name: policy_bytes(policy_path(one)) for name, one in policies.items() if one}
     return {name: hashlib.sha256(data).hexdigest()[:16] for name, data in files.items()}
 
 

@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import DRIVERS, Drivers, editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -31,7 +31,7 @@ class SweepOptions:
         str, typer.Option(help="Comma-separated tracks, each driven at each step.")
     ] = "covapsy-base,covapsy-test-2023"
     vehicle: Annotated[str, typer.Option(help="Vehicle.")] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each track.")] = 5
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each track.")] = 5
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw clean laps over the steps into this .png or .svg file."),
@@ -49,8 +49,9 @@ def sweep(options: SweepOptions) -> None:
     """
     from race_server.competition.lap_exam import LapExamSpec
 
-    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
-    tracks = tuple(names_in(options.tracks))
+    given = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    drivers = once(given)
+    tracks = once(names_in(options.tracks))
     for names, option in ((drivers, "--drivers"), (tracks, "--tracks")):
         if not names:
             raise ScenarioError(f"{option} needs a name, or several separated by commas")
@@ -59,14 +60,14 @@ def sweep(options: SweepOptions) -> None:
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
     console = Console(stderr=True)
     rows, stopped = _sweep(spec, drivers, console, quiet=options.as_json)
-    if options.plot is not None and rows:
-        from race_server.competition.lap_sweep_picture import draw_sweep
-
-        draw_sweep(rows, options.plot)
     if options.as_json:
         print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
     else:
         _show(rows, drivers)
+    if options.plot is not None and rows:
+        from race_server.competition.lap_sweep_picture import draw_sweep
+
+        draw_sweep(rows, options.plot)
     if stopped:
         console.print("stopped: these are the factors that were finished", style="yellow")
         sys.exit(130)

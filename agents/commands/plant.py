@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
+from race_server.core.seeds import MOST_SEED
 
 
 def plant(
@@ -66,7 +67,10 @@ def plant(
             "Default: never.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the kart as built and of its sensors.")] = 1,
+    seed: Annotated[
+        int,
+        typer.Option(min=0, max=MOST_SEED, help="Seed of the kart as built and of its sensors."),
+    ] = 1,
     beside: Annotated[
         str,
         typer.Option(

@@ -11,7 +11,7 @@ import typer
 from race_agents.commands.exam_laps import editions_of
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, names_in
+from race_server.cli.options import MOST_LAPS, known_drivers, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
@@ -45,7 +45,10 @@ class TransferOptions:
     ] = ""
     vehicle: Annotated[str, typer.Option(help="Vehicle: a model car or a kart.")] = "tt02"
     laps: Annotated[
-        int, typer.Option(min=1, help="Counted laps of each run; one that is not comes first.")
+        int,
+        typer.Option(
+            min=1, max=MOST_LAPS, help="Counted laps of each run; one that is not comes first."
+        ),
     ] = 5
     traffic: Annotated[
         int, typer.Option(min=0, help="Vehicles of highway-env to overtake, here and there.")
@@ -71,7 +74,7 @@ def transfer(options: TransferOptions) -> None:
     from race_server.second.highway_options import NAME
     from race_server.second.simulator import check_simulator
 
-    drivers = known_drivers(options.drivers)
+    drivers = once(known_drivers(options.drivers))
     if not drivers:
         raise ScenarioError("no driver; name one or more, separated by commas")
     if not is_target(options.to):
@@ -79,7 +82,7 @@ def transfer(options: TransferOptions) -> None:
     check_simulator(options.to)
     if options.plot is not None:
         check_picture(options.plot)
-    tracks = tuple(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
+    tracks = once(names_in(options.tracks)) or own_tracks(vehicle_named(options.vehicle))
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs, traffic=options.traffic)
     console = Console(stderr=True)
     if options.traffic or options.to != NAME:
@@ -90,14 +93,14 @@ def transfer(options: TransferOptions) -> None:
     found, stopped = _drive(spec, drivers, console, quiet=options.as_json)
     rows = sorted(rows_of(found), key=lambda row: tracks.index(row.track))
     rows.sort(key=lambda row: drivers.index(row.driver))
-    if options.plot is not None and rows:
-        from race_server.competition.transfer_picture import draw_transfer
-
-        draw_transfer(rows, options.plot)
     if options.as_json:
         print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
     else:
         _show(rows)
+    if options.plot is not None and rows:
+        from race_server.competition.transfer_picture import draw_transfer
+
+        draw_transfer(rows, options.plot)
     if stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)

@@ -7,15 +7,13 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import drivers_for
+from race_server.cli.options import MOST_LAPS, drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.seeds import MOST_SEED
 from race_server.pictures import check_picture
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from race_server.coaching.lesson import Lesson
 
 # Of the table, so that no figure is cut off.
@@ -30,7 +28,9 @@ def coach(
         str, typer.Option(help="Of a driver: course, a name from `race track list`.")
     ] = "hangar-400",
     vehicle: Annotated[str, typer.Option(help="Of a driver: its vehicle.")] = "kart-60",
-    laps: Annotated[int, typer.Option(min=1, help="Of a driver: laps after a flying start.")] = 3,
+    laps: Annotated[
+        int, typer.Option(min=1, max=MOST_LAPS, help="Of a driver: laps after a flying start.")
+    ] = 3,
     seed: Annotated[
         int, typer.Option(min=0, max=MOST_SEED, help="Of a driver: seed of the run.")
     ] = 1,
@@ -55,18 +55,19 @@ def coach(
         check_picture(picture)
     console = Console(stderr=True)
     lessons = _lessons(source, track, vehicle, laps, seed, only, console)
+    if as_json:
+        print_document({"lessons": [lesson.as_json() for lesson in lessons.values()]})
+    else:
+        for lesson in lessons.values():
+            _show(lesson)
     if picture is not None:
         _draw(lessons, picture, console)
-    if as_json:
-        print_document({"lessons": [lesson.as_json() for lesson in lessons]})
-        return
-    for lesson in lessons:
-        _show(lesson)
 
 
 def _lessons(
     source: str, track: str, vehicle: str, laps: int, seed: int, only: str, console: Console
-) -> "Sequence[Lesson]":
+) -> "dict[int, Lesson]":
+    """Return the lessons by seat; a driver that drives here has seat 0."""
     from race_server.competition.lessons import lesson_of_driver, lessons_of_recording
     from race_server.competition.time_trial.plan import compile_once
     from race_server.competition.time_trial.run_spec import RunSpec
@@ -81,19 +82,20 @@ def _lessons(
         (name,) = drivers_for(source, (), (vehicle,), unfit=True) or ("",)
         spec = RunSpec(name, track, vehicle, seed=seed, laps=laps)
         compile_once(spec)
-        return [lesson_of_driver(spec)]
+        return {0: lesson_of_driver(spec)}
 
 
-def _draw(lessons: "Sequence[Lesson]", picture: Path, console: Console) -> None:
+def _draw(lessons: "dict[int, Lesson]", picture: Path, console: Console) -> None:
+    """Draw each lesson; of several the name of the file ends with the number of the seat."""
     from race_server.competition.lesson_picture import draw_lesson
 
-    for number, lesson in enumerate(lessons):
+    for seat, lesson in lessons.items():
         path = picture
         if lesson.best is None and len(lessons) > 1:
             console.print(f"no lap of {lesson.driver} is to be compared", style="yellow")
             continue
         if len(lessons) > 1:
-            path = picture.with_name(f"{picture.stem}-{number}{picture.suffix}")
+            path = picture.with_name(f"{picture.stem}-{seat}{picture.suffix}")
         draw_lesson(lesson, path)
         console.print(f"written: {path}", style="dim", soft_wrap=True)
 

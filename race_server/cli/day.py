@@ -10,6 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language, Results, VehicleName, known_drivers
 from race_server.cli.serve_event import TRACKS, tracks_for
+from race_server.core.seeds import MOST_SEED
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -37,7 +39,9 @@ def day(
             "file.",
         ),
     ] = "2023",
-    seed: Annotated[int, typer.Option(help="Seed of all random draws of the day.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MOST_SEED, help="Seed of all random draws of the day.")
+    ] = 1,
     drivers: Annotated[
         str,
         typer.Option(help="Comma-separated drivers, one team for each. Default: eight, mixed."),
@@ -60,7 +64,7 @@ def day(
     """Run a whole race day: qualification, races, and the final classification."""
     from race_server.competition.race_day.formats import format_named
     from race_server.competition.race_day.languages import language_of
-    from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.picture import SUFFIXES, draw_picture
     from race_server.competition.race_day.plan import DayPlan, teams_of
     from race_server.competition.race_day.report import day_document
     from race_server.competition.race_day.table import print_tables
@@ -76,7 +80,7 @@ def day(
     plan = DayPlan(chosen, teams_of(names), courses, car, seed)
     plan.check()
     if sheet is not None:
-        check_picture(sheet)
+        check_picture(sheet, SUFFIXES)
     console = Console(stderr=True)
     ledger = _run(plan, results, console)
     if as_json:

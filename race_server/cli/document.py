@@ -11,5 +11,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document to
 
 
 def print_document(document: Any) -> None:
-    """Print a document on one line and flush it: another program may wait for it."""
-    say(json.dumps(document))
+    """Print a document on one line and flush it: another program may wait for it.
+
+    A number that is not finite becomes null: JSON has no word for it, and most readers stop at one.
+    """
+    plain = json.loads(json.dumps(document), parse_constant=lambda _: None)
+    say(json.dumps(plain, allow_nan=False))

@@ -9,7 +9,8 @@ from rich.table import Table
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language
 from race_server.errors import ScenarioError
-from race_server.terminal import Console
+from race_server.pictures import check_picture
+from race_server.terminal import Console, say
 
 if TYPE_CHECKING:
     from race_server.competition.event_state import EventState
@@ -32,7 +33,8 @@ Record = Annotated[
 @app.command()
 def show(
     event: Annotated[
-        str, typer.Argument(help="A file of `race event list`. Default: the newest.")
+        str,
+        typer.Argument(help="A file, also by its name in `race event list`. Default: the newest."),
     ] = "",
     sheet: Annotated[
         Path | None,
@@ -43,12 +45,12 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show an event as it stands: all attempts and races so far, and the classification."""
-    from race_server.competition.race_day.picture import check_picture, draw_picture
+    from race_server.competition.race_day.picture import SUFFIXES, draw_picture
     from race_server.competition.race_day.report import event_document
 
-    day, state = _event_in(Path(event) if event else newest_event(record))
+    day, state = _event_in(_file_of(event, record) if event else newest_event(record))
     if sheet is not None:
-        check_picture(sheet)
+        check_picture(sheet, SUFFIXES)
     if as_json:
         print_document(event_document(day, state))
     else:
@@ -86,10 +88,15 @@ def _print_event(day: "Day", state: "EventState", console: Console, language: st
 
 @app.command("list")
 def list_events(record: Record = "", as_json: AsJson = False) -> None:
-    """List events, newest first."""
+    """List events, newest first. Of one that cannot be read, it is said why."""
     from race_server.competition.event_state import read_event
 
-    states = [(path, read_event(path)) for path in _files(record)]
+    states = []
+    for path in _files(record):
+        try:
+            states.append((path, read_event(path)))
+        except ScenarioError as error:
+            say(error, error=True)
     rows = [
         {
             "file": str(path),
@@ -110,7 +117,19 @@ def list_events(record: Record = "", as_json: AsJson = False) -> None:
         final = "yes" if state.is_final else "no"
         figures = (str(row["drivers"]), str(row["driven"]), final)
         table.add_row(when, state.format.name, *figures, path.name)
-    Console().print(table)
+    console = Console()
+    # Wider than the terminal if necessary: `race event show` takes the name of a file.
+    boundless = console.options.update(max_width=1000)
+    console.width = max(console.width, table.__rich_measure__(console, boundless).maximum)
+    console.print(table)
+
+
+def _file_of(event: str, record: str) -> Path:
+    """Return the file of an event: at this path, or of this name in the folder of recordings."""
+    from race_server.storage.recording.logbook import folder_of
+
+    path, folder = Path(event), folder_of(record)
+    return folder / event if folder and not path.exists() else path
 
 
 def newest_event(record: str, session: str = "") -> Path:

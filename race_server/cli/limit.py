@@ -1,14 +1,18 @@
 """`race limit`: the fastest lap that physics allows, and other lines beside it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Course
+from race_server.pictures import check_picture
 from race_server.terminal import Console, say
+
+if TYPE_CHECKING:
+    from race_server.scenario.raceline.reference import Limit
 
 
 def limit(
@@ -36,24 +40,32 @@ def limit(
     from race_server.scenario.raceline.reference import NAMES, reference_limit
     from race_server.scenario.track.load import load_course
 
+    if plot is not None:
+        check_picture(plot)
     course = load_course(track)
     found = reference_limit(course, vehicle_named(vehicle), speed_cap, margin)
     capped = f", at most {speed_cap:g} m/s" if speed_cap is not None else ""
+    if as_json:
+        times = {f"{name}_s": round(getattr(found, name).time_s, 4) for name in NAMES}
+        row = {"track": course.name, "vehicle": vehicle, "speed_cap": speed_cap, **times}
+        print_document({**row, "solve_s": round(found.solve_s, 3)})
+    else:
+        _show(found, f"{course.name}, {vehicle}{capped}")
     if plot is not None:
         from race_server.scenario.raceline.draw import draw_limit
 
         draw_limit(course, found, f"{course.title}: {vehicle}{capped}", plot)
-    lines = {name: getattr(found, name) for name in NAMES}
-    if as_json:
-        times = {f"{name}_s": round(line.time_s, 4) for name, line in lines.items()}
-        row = {"track": course.name, "vehicle": vehicle, "speed_cap": speed_cap, **times}
-        print_document({**row, "solve_s": round(found.solve_s, 3)})
-        return
-    table = Table(title=f"{course.name}, {vehicle}{capped}", title_justify="left")
+
+
+def _show(found: "Limit", title: str) -> None:
+    from race_server.scenario.raceline.reference import NAMES
+
+    table = Table(title=title, title_justify="left")
     table.add_column("line", no_wrap=True)
     for column in ("lap [s]", "length [m]", "slowest [m/s]", "fastest [m/s]", "braking zones"):
         table.add_column(column, justify="right")
-    for name, line in lines.items():
+    for name in NAMES:
+        line = getattr(found, name)
         table.add_row(
             name.replace("_", " "),
             f"{line.time_s:.3f}",

@@ -11,6 +11,7 @@ from race_server.cli.findings import print_findings
 from race_server.cli.options import Picture, picture_of
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import LotError
+from race_server.pictures import check_picture
 from race_server.terminal import Console, say
 
 app = typer.Typer(help="List, draw, check and import car parks.", no_args_is_help=True)
@@ -68,6 +69,7 @@ def show(
     from race_server.scenario.lot.draw import draw_lot
 
     path = to or picture_of(name.removesuffix(".toml"))
+    check_picture(path)
     draw_lot(name, seed, path, vehicle, vehicles)
     say(path)
 

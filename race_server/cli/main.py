@@ -3,9 +3,10 @@
 import sys
 import traceback
 from importlib.metadata import entry_points
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape  # noqa: TID251  # what typer shows is markup
 
 from race_server.cli import (
     admin,
@@ -97,11 +98,28 @@ for point in entry_points(group="race_server.commands"):
         parent.command(name)(command)
 
 
+def command_line() -> Any:
+    """Return the command `race`, whose help is shown as it is written.
+
+    Typer takes help texts for markup of rich, which drops a unit such as [m].
+    """
+
+    def escape_in(command: Any) -> None:
+        for one in (command, *command.params):
+            one.help = escape(one.help or "")
+        for inner in getattr(command, "commands", {}).values():
+            escape_in(inner)
+
+    command = typer.main.get_command(app)
+    escape_in(command)
+    return command
+
+
 def main() -> None:
     """Run the command line."""
     take_any_letter()
     try:
-        app()
+        command_line()()
     except RaceError as error:
         say(f"error: {error}", error=True)
         sys.exit(2)

@@ -1,6 +1,6 @@
 """Options and arguments that several commands share."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +8,9 @@ import typer
 
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
+
+# More would be days of driving, or no number that a world keeps.
+MOST_LAPS = 100_000
 
 Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
 Course = Annotated[
@@ -48,6 +51,11 @@ def picture_of(name: str) -> Path:
 def names_in(text: str) -> tuple[str, ...]:
     """Return the names of a comma-separated list."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def once(names: Iterable[str]) -> tuple[str, ...]:
+    """Return names in their order, each once: one that is given twice is no second sample."""
+    return tuple(dict.fromkeys(names))
 
 
 def seeds_from(first: int, count: int) -> range:

@@ -25,7 +25,10 @@ def replay(
         bool, typer.Option("--play", help="Show the race in the terminal instead of checking it.")
     ] = False,
     speed: Annotated[
-        float, typer.Option(help="With --play: speed as a multiple of real time.")
+        float,
+        typer.Option(
+            min=0.001, max=10_000.0, help="With --play: speed as a multiple of real time."
+        ),
     ] = 1.0,
     seek: Annotated[float, typer.Option(help="With --play: start at this time [s].")] = 0.0,
     as_json: AsJson = False,

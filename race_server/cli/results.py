@@ -56,7 +56,9 @@ def _winner(race: dict[str, Any]) -> str:
 def list_races(
     track: Track = "",
     driver: Annotated[str, typer.Option(help="Show only races of this driver. Default: all.")] = "",
-    limit: Annotated[int, typer.Option(min=1, help="Show at most this many races.")] = 20,
+    limit: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Show at most this many races.")
+    ] = 20,
     results: Results = "",
     as_json: AsJson = False,
 ) -> None:

@@ -11,7 +11,8 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import known_drivers
 from race_server.cli.serve_event import event_of
 from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
-from race_server.errors import KeysError, ResultsError, ScenarioError
+from race_server.errors import KeysError, ScenarioError
+from race_server.kept_file import check_place
 from race_server.logs import Log
 from race_server.net.transport import DEFAULT_ADDRESS
 
@@ -76,8 +77,8 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     from race_server.live.server.warm_up import warm_up
     from race_server.net.auth.settings import ListenSettings, check_listen_settings
 
-    if options.result is not None and not options.result.absolute().parent.is_dir():
-        raise ResultsError(f"--result {options.result}: its folder does not exist; make it first")
+    if options.result is not None:
+        check_place(options.result)
     held = _server_keys(options.keys, options.session, options.karts, is_open=options.is_open)
     session = held.session if held else options.session or SESSION
     address = options.listen or (OPEN_ADDRESS if held else DEFAULT_ADDRESS)

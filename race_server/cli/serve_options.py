@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from race_server.cli.options import Results, Track
+from race_server.cli.options import MOST_LAPS, Results, Track
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
@@ -89,7 +89,7 @@ class RaceOptions:
         ),
     ] = 60.0
     karts: Annotated[int, typer.Option(min=1, max=64, help="Number of seats.")] = 8
-    laps: Annotated[int, typer.Option(min=1, help="Laps to the finish.")] = 3
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps to the finish.")] = 3
     seed: Annotated[
         int, typer.Option(max=MOST_SEED, help="Seed of every random draw in the race.")
     ] = 1

@@ -1,5 +1,6 @@
 """`race start`: a whole race in one command."""
 
+import sys
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -103,6 +104,8 @@ def start_session(options: StartOptions) -> None:
         show_event(newest_event(options.record, options.session), Console())
     else:
         show_result(document, options.place, options.laps, options.session)
+    if document["stopped"]:
+        sys.exit(130)
 
 
 def _drivers(options: StartOptions) -> tuple[str, ...]:
@@ -174,6 +177,8 @@ def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> No
 
     def run(one: "RaceSpec", number: int) -> dict[str, Any]:
         document = run_race(one, console)
+        if document["stopped"]:
+            return document
         best = min(document["karts"], key=lambda kart: kart["rank"])
         text = f"race {number + 1} of {races}, seed {seed + number}: won by {best['driver']}"
         console.print(text, style="dim", soft_wrap=True)
@@ -183,7 +188,9 @@ def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> No
     if options.as_json:
         print_document(found)
     else:
-        console.print(rating_table(found["ratings"], races))
+        console.print(rating_table(found["ratings"], len(found["races"])))
+    if found["stopped"]:
+        sys.exit(130)
 
 
 def _prepare_line(track: str, vehicle: str, drivers: tuple[str, ...], console: Console) -> None:

@@ -11,8 +11,10 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Unfit, drivers_for, names_in, seeds_from
-from race_server.errors import ResultsError, ScenarioError
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once, seeds_from
+from race_server.errors import ScenarioError
+from race_server.kept_file import check_place
+from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ class TrialOptions:
             help="Comma-separated: tt02, tt02-drift, kart-13, kart-30, kart-60.",
         ),
     ] = "tt02"
-    laps: Annotated[int, typer.Option(min=1, help="Counted laps of each run.")] = 5
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each run.")] = 5
     seeds: Annotated[
         int,
         typer.Option(
@@ -112,7 +114,11 @@ class TrialOptions:
     jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
     decision_limit: Annotated[
         float,
-        typer.Option(min=0.01, help="Time limit of one decision [s]; a slower driver has stalled."),
+        typer.Option(
+            min=0.01,
+            max=3600.0,
+            help="Time limit of one decision [s]; a slower driver has stalled.",
+        ),
     ] = 2.0
     results: Annotated[
         str,
@@ -143,9 +149,9 @@ def trial(options: TrialOptions) -> None:
     with RunLog(path_of(options.results)) as log:
         plan = TrialPlan(tuple(specs), tuple(gaps), options.jobs, options.ghost, log.path)
         done = _drive(plan, log, console, quiet=options.as_json)
-        _write_files(done, options, console)
         _show(done, names if options.beside else (), as_json=options.as_json)
         _finish(log, console)
+    _write_files(done, options, console)
     if done.stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)
@@ -161,7 +167,7 @@ def _drivers(options: TrialOptions) -> tuple[str, ...]:
         raise ScenarioError(
             f"no usual driver is made for all of {', '.join(vehicles)}; name one with --drivers"
         )
-    return names
+    return once(names)
 
 
 def _gaps(options: TrialOptions) -> "list[Gap]":
@@ -201,21 +207,23 @@ def _specs(options: TrialOptions, names: tuple[str, ...], gaps: "list[Gap]") -> 
 
 
 def _names(text: str, option: str) -> list[str]:
-    names = list(dict.fromkeys(names_in(text)))
+    names = list(once(names_in(text)))
     if not names:
         raise ScenarioError(f"{option} is empty; name one or more, separated by commas")
     return names
 
 
 def _check_files(plot: Path | None, *tables: Path | None) -> None:
-    """Check before the first run that the files can be written."""
-    if plot is not None:
-        from race_server.pictures import check_picture
+    """Check before the first run that the files can be written.
 
+    Raises:
+        ScenarioError: there is no place for one of them, or the picture has another ending.
+    """
+    if plot is not None:
         check_picture(plot)
-    for path in (plot, *tables):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ResultsError(f"{path}: its folder does not exist; make it first")
+    for path in tables:
+        if path is not None:
+            check_place(path)
 
 
 def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -> "Trial":

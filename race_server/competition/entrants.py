@@ -81,11 +81,15 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
         elif digits:
             entrants[name] = int(digits)
         elif name not in entrants:
-            waiting.append(name)
+            waiting.append((line, name))
         seen.setdefault(name, line)
-    for name in waiting:
-        taken = set(entrants.values())
-        entrants[name] = next(n for n in range(1, MOST_NUMBER + 2) if n not in taken)
+    taken = set(entrants.values())
+    free = (number for number in range(1, MOST_NUMBER + 1) if number not in taken)
+    for line, name in waiting:
+        if number := next(free, 0):
+            entrants[name] = number
+        else:
+            faults.append(f"row {line}: no number is free for {name}; take out drivers who left")
     return Import(entrants, len(entrants) - len(known), tuple(faults))
 
 

@@ -1,6 +1,7 @@
 """An event on the network as its file holds it: enough to go on after any interruption."""
 
 import json
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,8 @@ class EventState:
         """Return the event as it stands.
 
         Raises:
-            RaceError: a course or the vehicle does not exist any more.
+            RaceError: a course or the vehicle does not exist any more, or there are more records
+                than attempts and races.
         """
         return Day(self.plan(), self.name, self.records, self.protests)
 
@@ -131,7 +133,9 @@ def read_event(path: Path) -> EventState:
         ScenarioError: it cannot be read, is damaged, or of a newer race-server.
     """
     try:
-        words = json.loads(path.read_text(encoding="utf-8"))
+        words = json.loads(
+            path.read_text(encoding="utf-8"), parse_constant=_finite, parse_float=_finite
+        )
         version = words.pop("version")
         if version > VERSION:
             raise ScenarioError(
@@ -140,25 +144,55 @@ def read_event(path: Path) -> EventState:
             )
         form = words.pop("format")
         name = form.pop("name")
+        teams = {one["team"] for one in words["entrants"]}
         return EventState(
             **words
             | {
+                "begun_at": _text(words["begun_at"]),
                 "format": format_of(name, form, str(path)),
                 "entrants": tuple(Entrant(**one) for one in words["entrants"]),
-                "records": tuple(_record(one) for one in words["records"]),
+                "records": tuple(_record(one, teams) for one in words["records"]),
                 "protests": tuple(Protest(**one) for one in words.get("protests", ())),
             }
         )
     except OSError as error:
         raise ScenarioError(f"event {path} cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ScenarioError(
             f"event {path} is damaged ({type(error).__name__}: {error}); move it away, or begin "
             "another event with --fresh"
         ) from error
 
 
-def _record(words: dict[str, Any]) -> RaceRecord:
+def _text(value: object) -> str:
+    """Return a text of a file.
+
+    Raises:
+        TypeError: it is none.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _finite(digits: str) -> float:
+    """Return a number of a file.
+
+    Raises:
+        ValueError: it is not finite.
+    """
+    value = float(digits)
+    if not math.isfinite(value):
+        raise ValueError(f"{digits[:20]} is no finite number")
+    return value
+
+
+def _record(words: dict[str, Any], teams: set[str]) -> RaceRecord:
+    """Return the record of a drive of some of these teams.
+
+    Raises:
+        ValueError: it is of none of them, or of another one.
+    """
     drives = tuple(
         TeamResult(
             **one
@@ -169,4 +203,8 @@ def _record(words: dict[str, Any]) -> RaceRecord:
         )
         for one in words["drives"]
     )
+    driven = {one.team for one in drives}
+    if not driven or not driven <= teams:
+        others = ", ".join(sorted(driven - teams)) or "no team"
+        raise ValueError(f"a record is of {others}, not of the entrants")
     return RaceRecord(words["digest"], drives, tuple(words["grid"]))

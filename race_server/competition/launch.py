@@ -167,8 +167,11 @@ class RaceSpec:
 def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
     """Run a race to its end and return the document that the server writes.
 
+    `stopped` in it says whether Ctrl-C ended the race before its end.
+
     Raises:
         RaceError: the server cannot start, or ends without a result.
+        KeyboardInterrupt: Ctrl-C ended the race before there was a result.
     """
     with tempfile.TemporaryDirectory(prefix="race-") as folder, process_group() as group:
         result, log_path = Path(folder, "result.json"), Path(folder, "server.log")
@@ -181,11 +184,13 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
             if not plan.in_process:
                 _start_drivers(plan, group, log)
             page = _start_page(plan, group, log) if plan.page else ""
-            _follow(plan, group, console, log_path, page)
+            stopped = _follow(plan, group, console, log_path, page)
         if not result.exists():
+            if stopped:
+                raise KeyboardInterrupt
             raise RaceError(f"the race ended without a result: {last_words(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
-        return document
+        return {**document, "stopped": stopped}
 
 
 def _start_drivers(plan: RaceSpec, group: ProcessGroup, log: Any) -> None:
@@ -222,8 +227,11 @@ def spread(real: int, karts: int) -> tuple[int, ...]:
 
 def _follow(
     plan: RaceSpec, group: ProcessGroup, console: Console, log_path: Path, page: str
-) -> None:
-    """Show the leaderboard until the server ends. page: address for browsers, "" for none."""
+) -> bool:
+    """Show the leaderboard until the server ends; return whether Ctrl-C ended it.
+
+    page: address for browsers, "" for none.
+    """
     server = group.processes[0]
     waiting = "preparing"
     if not is_compiled():
@@ -243,6 +251,8 @@ def _follow(
         server.send_signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(10.0)
+        return True
+    return False
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Lessons from laps that were driven: by a driver alone on a course, or in a recorded race."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from race_server.coaching.circumstances import Circumstances
@@ -36,8 +36,8 @@ def lesson_of_driver(spec: RunSpec) -> Lesson:
 
 def lessons_of_recording(
     path: Path, only: str = "", warn: Callable[[str], None] = lambda _: None
-) -> Sequence[Lesson]:
-    """Return what a recorded race teaches its drivers. only: one of them, by name.
+) -> dict[int, Lesson]:
+    """Return what a recorded race teaches its drivers, by seat. only: one of them, by name.
 
     warn: is told why laps are missing, if some are.
 
@@ -47,13 +47,13 @@ def lessons_of_recording(
     found = recorded_laps(read_recording(path))
     if found.remark:
         warn(found.remark)
-    course, lessons = found.scenario.course, []
+    course, lessons = found.scenario.course, {}
     for seat in sorted({one.seat for one in found.laps}):
         own = [one for one in found.laps if one.seat == seat]
         if only and own[0].driver != only:
             continue
         laps = [_studied(course, one.lap, one.circumstances) for one in own]
-        lessons.append(lesson_of(own[0].driver, course, found.scenario.vehicle_of(seat), laps))
+        lessons[seat] = lesson_of(own[0].driver, course, found.scenario.vehicle_of(seat), laps)
     if not lessons:
         names = ", ".join(dict.fromkeys(one.driver for one in found.laps)) or "none"
         raise RecordingError(

@@ -104,9 +104,11 @@ def recorded_laps(recording: Recording) -> RecordedLaps:
     _note(session, seats, course.length)
     for events in rerun.run(DECISION_TICKS):
         for event in events:
-            if 0 <= event.kart < len(seats):
-                end_us = int(session.world.racers[0, event.kart].lap_start_us)
-                seats[event.kart].take(event, end_us)
+            touched = event.other if event.kind is EventKind.CONTACT_KART else -1
+            for number in (event.kart, touched):
+                if 0 <= number < len(seats):
+                    end_us = int(session.world.racers[0, number].lap_start_us)
+                    seats[number].take(event, end_us)
         _note(session, seats, course.length)
     difference = rerun.difference
     remark = (

@@ -39,15 +39,22 @@ def run_series(
 ) -> Document:
     """Run the races and return their documents, with the ratings of all drivers.
 
-    run: runs one race, given its plan and its number from 0.
+    run: runs one race, given its plan and its number from 0. One that is stopped counts
+    no more, and no other follows.
 
     Raises:
         RaceError: a race ends without a result.
         ResultsError: openskill is not installed.
     """
     ratings([])  # fails before the first race if it is not installed
-    documents = [run(one, number) for number, one in enumerate(plans_of(plan, races, seed))]
-    return {"races": documents, "ratings": rated(documents)}
+    documents: list[Document] = []
+    stopped = False
+    for number, one in enumerate(plans_of(plan, races, seed)):
+        document = run(one, number)
+        if stopped := document["stopped"]:
+            break
+        documents.append(document)
+    return {"races": documents, "ratings": rated(documents), "stopped": stopped}
 
 
 def rated(documents: list[Document]) -> list[Document]:

@@ -119,6 +119,12 @@ def test_seeds_count_up_to_the_largest_and_not_beyond() -> None:
         "start --seed",
         "serve --seed",
         "coach raceline --seed",
+        "day --seed",
+        "plant --seed",
+        "demonstrate raceline --seed",
+        "bench plan --seed",
+        "bench onboard --seed",
+        "drill faults --seed",
         "trial --first-seed",
         "exam parking --first-seed",
         "exam coaching --first-seed",
@@ -135,3 +141,29 @@ def test_a_seed_of_2_to_the_63_is_refused_where_options_are_read(words: str) -> 
     else:
         assert isinstance(told.exception, ScenarioError)
         assert "--first-seed 9223372036854775808: the last of" in str(told.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "within"),
+    [
+        ("day --seed -1", "greater than or equal to 0"),
+        ("trial --decision-limit inf", "less than or equal to 3600"),
+        ("trial --decision-limit 1e300", "less than or equal to 3600"),
+        ("trial --decision-limit nan", "less than or equal to 3600"),
+        ("trial --laps 99999999999999999999", "less than or equal to 100000"),
+        ("start --laps 99999999999999999999", "less than or equal to 100000"),
+        ("exam laps --warm-up 99999999999999999999", "less than or equal to 100000"),
+        ("results list --limit 99999999999999999999", "less than or equal to 1000000"),
+        ("replay race.mcap --play --speed inf", "less than or equal to 10000"),
+        ("replay race.mcap --play --speed nan", "less than or equal to 10000"),
+        ("replay race.mcap --play --speed 1e-320", "greater than or equal to 0.001"),
+        ("exam parking --gap mass=1e300", "FACTOR=VALUE, at most 1000"),
+        ("exam parking --gap mass=nan", "FACTOR=VALUE, at most 1000"),
+    ],
+)
+def test_a_number_beyond_reason_is_refused_with_what_is_within(words: str, within: str) -> None:
+    from race_server.cli.main import app
+
+    told = CliRunner().invoke(app, words.split(), env={"COLUMNS": "200"})
+    assert told.exit_code != 0
+    assert within in f"{told.output} {told.exception}"

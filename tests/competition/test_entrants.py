@@ -25,6 +25,15 @@ def test_a_name_keeps_its_number_and_a_new_one_gets_the_lowest_that_is_free(tmp_
     assert known_entrants(tmp_path / "kept.csv") == found.entrants
 
 
+def test_a_name_for_which_no_number_is_free_is_a_wrong_row(tmp_path: Path) -> None:
+    rows = [f",{number}th" for number in range(9998)]  # and Anna is known
+    assert faults_of(tmp_path / "new.csv", *rows) == ()
+    assert faults_of(tmp_path / "new.csv", *rows, ",Bert", ",Carl") == (
+        "row 10000: no number is free for Bert; take out drivers who left",
+        "row 10001: no number is free for Carl; take out drivers who left",
+    )
+
+
 def test_each_wrong_row_is_named_with_the_way_out(tmp_path: Path) -> None:
     assert faults_of(
         tmp_path / "new.csv", "8,Anna", "7,Bert", "x,Carl", "0,Dora", "3,", "4,Emil", "5,Emil"

@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
-from race_server.competition import lap_exam
+from race_agents.commands.exam_laps import editions_of
+from race_server.competition import lap_exam, lap_picture
 from race_server.competition.lap_exam import (
     CourseTry,
     LapExamSpec,
@@ -27,7 +28,7 @@ from race_server.competition.time_trial.gaps import gaps_named
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import KART_60, TT02
-from race_server.errors import TrackError
+from race_server.errors import ScenarioError, TrackError
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.load import load_course
 
@@ -128,6 +129,19 @@ def test_a_driver_whose_policy_has_changed_is_driven_again(
     assert drive_with_limit is not lap_exam.drive_with_limit
 
 
+def test_a_policy_is_known_by_its_content_behind_a_wrapper_too(tmp_path: Path) -> None:
+    policy = tmp_path / "policy.onnx"
+    drivers = [f"learned:{policy}", f"unstuck:learned:{policy}", "unstuck:follow_gap"]
+    policy.write_bytes(b"old")
+    old = editions_of(drivers)
+    policy.write_bytes(b"new")
+    new = editions_of(drivers)
+    assert set(old) == set(new) == set(drivers[:2])
+    assert len({old[drivers[0]], new[drivers[0]]}) == 2
+    assert old[drivers[0]] == old[drivers[1]]
+    assert new[drivers[0]] == new[drivers[1]]
+
+
 def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,6 +173,35 @@ def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
     tries = [one_try("a", 2, 1.02), one_try("b", 1, 1.06)]
     draw_laps([LapRow.of(tries)], tries, tmp_path / "laps.svg")
     assert "raceline" in (tmp_path / "laps.svg").read_text()
+
+
+def test_a_driver_that_is_named_twice_is_examined_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[RunSpec] = []
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    words = ["laps", "--drivers", "raceline,raceline", "--courses", "1", "--json"]
+    (row,) = json.loads(CliRunner().invoke(app, words).stdout)["rows"]
+    assert (row["driver"], row["courses"], row["laps"]) == ("raceline", 1, 5)
+    assert len(driven) == 1
+
+
+def test_a_picture_that_cannot_be_written_takes_no_figure_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise ScenarioError("laps.png cannot be written: no space left")
+
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    monkeypatch.setattr(lap_picture, "draw_laps", full)
+    words = ["laps", "--drivers", "raceline", "--courses", "1", "--json"]
+    shown = CliRunner().invoke(app, [*words, "--plot", str(tmp_path / "laps.png")])
+    assert "no space left" in str(shown.exception)
+    assert json.loads(shown.stdout)["rows"][0]["driver"] == "raceline"
 
 
 def test_the_rows_of_the_document_have_the_keys_that_were_promised(

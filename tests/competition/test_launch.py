@@ -1,12 +1,19 @@
 """The processes of a race end with it, however it ends."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import pytest
+from typer.testing import CliRunner
+
+from race_server.cli.main import app
+from race_server.competition import launch
+from race_server.core.messages import Phase
 
 LAUNCH = """
 import subprocess, time
@@ -25,6 +32,25 @@ def is_there(process: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+@pytest.mark.net
+def test_a_race_that_is_cut_by_ctrl_c_tells_its_result_and_ends_as_interrupted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(seen: Any, *_: Any) -> None:
+        while seen.watcher.standings is None or seen.watcher.standings.phase is Phase.LOBBY:
+            time.sleep(0.05)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(launch, "_show", interrupt)
+    words = ["start", "--track", "oval", "--karts", "1", "--laps", "1000", "--one-process"]
+    words += ["--drivers", "avoider", "--no-page", "--results", "none", "--record", "none"]
+    told = CliRunner().invoke(app, [*words, "--json"])
+    assert told.exit_code == 130
+    document = json.loads(told.stdout)
+    assert document["stopped"]
+    assert [kart["status"] for kart in document["karts"]] != ["finished"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

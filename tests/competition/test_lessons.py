@@ -1,6 +1,7 @@
 """Lessons: from laps to corners, faults and tips."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from race_server.coaching.advice import tips_for
 from race_server.coaching.corners import Corner
 from race_server.coaching.faults import Fault, FaultKind
 from race_server.coaching.lesson import Lesson, lesson_of
+from race_server.competition import lesson_picture, lessons
 from race_server.competition.lesson_picture import draw_lesson
 from race_server.competition.lessons import lesson_of_driver
 from race_server.competition.time_trial.run_spec import RunSpec
@@ -82,6 +84,19 @@ def test_a_report_is_drawn_but_not_without_a_lap(lesson: Lesson, tmp_path: Path)
         draw_lesson(none, tmp_path / "none.png")
     with pytest.raises(ScenarioError, match=r"report.pdf: write the picture as"):
         draw_lesson(lesson, tmp_path / "report.pdf")
+
+
+def test_pictures_of_several_drivers_are_named_by_their_seats(
+    lesson: Lesson, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, drawn = tmp_path / "race.mcap", list[str]()
+    by_seat = {0: lesson, 3: replace(lesson, laps=()), 5: lesson}
+    monkeypatch.setattr(lessons, "lessons_of_recording", lambda *_: by_seat)
+    monkeypatch.setattr(lesson_picture, "draw_lesson", lambda _, path: drawn.append(path.name))
+    words = ["coach", str(recording), "--json", "--picture", str(tmp_path / "report.png")]
+    told = CliRunner().invoke(app, words)
+    assert len(json.loads(told.stdout)["lessons"]) == 3
+    assert drawn == ["report-0.png", "report-5.png"]  # of seat 3 no lap is compared
 
 
 def test_a_circle_has_no_corner_to_teach() -> None:

@@ -196,6 +196,10 @@ def test_a_format_is_the_same_after_a_round_trip_through_its_tables() -> None:
         ('[[stage]]\nkind = "parade"', "choose one of time trial, races"),
         ('[[stage]]\nkind = "races"\nlaps = 1.5', "give a whole number from 1 to 1000"),
         ('[[stage]]\nkind = "races"\nlap = 3', "no such key"),
+        (
+            '[[stage]]\nkind = "time trial"\nbest_points = 5\nleast_points = 25',
+            "least_points = 25: give at most best_points, which is 5",
+        ),
         ('title = "x"', "give [[stage]] tables, each with a name"),
     ],
 )

@@ -125,7 +125,8 @@ def test_the_document_has_the_keys_that_were_promised_and_the_picture_is_drawn(
 ) -> None:
     picture = tmp_path / "exam.png"
     words = ["parking", "--scenario", "face-to-face", "--seeds", "2", "--json"]
-    done = CliRunner().invoke(app, [*words, "--plot", str(picture)])
+    twice = ["--drivers", "valet,valet"]  # is one driver
+    done = CliRunner().invoke(app, [*words, *twice, "--plot", str(picture)])
     assert done.exit_code == 0, done.output
     (row,) = json.loads(done.stdout)["rows"]
     promised = (

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from race_server.competition.race_day.formats import Format, Races, TimeTrial, format_named, formats
 from race_server.competition.race_day.ledger import Heat, Label, Ledger, RacesResult
+from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.points import (
     falling_points,
     groups_in_order,
@@ -15,6 +16,8 @@ from race_server.competition.race_day.points import (
 )
 from race_server.competition.race_day.qualify import trial_result
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
+from race_server.competition.race_day.tables import tables_of
+from race_server.core.vehicle_presets import vehicle_named
 from support.courses import TINY_RING
 
 SECOND = 1_000_000
@@ -157,3 +160,18 @@ def test_of_equal_points_more_wins_are_ahead() -> None:
     # c and b have 7 and a win each; a has 6.
     assert ledger.points() == {"a": 6, "b": 7, "c": 7}
     assert [row.team for row in ledger.classification()] == ["b", "c", "a"]
+
+
+def test_the_table_of_a_stage_orders_equals_as_the_classification_does() -> None:
+    table = (5, 3, 2)
+    stage = Races("Race", "A", 5, rounds=3, points=table)
+    teams = tuple(Team(name, "d") for name in "abc")
+    ledger = Ledger(Format("x", "X", (stage,)), teams)
+    heat(ledger, 1, ("c", 1), ("a", 2), ("b", 3), points=table)
+    heat(ledger, 1, ("b", 1), ("a", 2), ("c", 3), points=table)
+    heat(ledger, 1, ("c", 1), ("a", 2), ("b", 3), points=table)
+    ledger.stages = [RacesResult(stage, tuple(ledger.heats()))]
+    plan = DayPlan(ledger.format, teams, {"A": TINY_RING}, vehicle_named("kart-60"), seed=1)
+    points, final = tables_of(plan, ledger)
+    # a and b have 9 each; b has a win.
+    assert [row[1] for row in points.rows] == [row[1] for row in final.rows] == ["c", "b", "a"]

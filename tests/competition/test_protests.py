@@ -1,6 +1,7 @@
 """Protests: lodged while a result may change, decided once, and kept beside what was driven."""
 
 import errno
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,18 @@ def test_an_upheld_protest_adds_its_seconds_and_ranks_again() -> None:
     ]
     assert second.remark == "+5 s protest 1"
     assert result_of(RACE, []) is RACE
+
+
+def test_after_a_protest_the_better_best_lap_and_then_the_grid_decide_between_equal_times() -> None:
+    laps_us = {"Anna": 9_900_000, "Bert": 9_000_000, "Carl": 9_000_000}
+    times_us = {"Anna": 50_000_000, "Bert": 55_000_000, "Carl": 55_000_000}
+    drives = tuple(
+        replace(driven(team, place, times_us[team]), best_lap_us=laps_us[team])
+        for place, team in enumerate(laps_us, start=1)
+    )
+    protest = Protest(1, 0, "Heat", "Bert", "Anna", "cut", "now", UPHELD, 5.0)
+    found = result_of(RaceRecord("0a", drives, ("Carl", "Anna", "Bert")), [protest]).drives
+    assert [(one.team, one.place) for one in found] == [("Carl", 1), ("Bert", 2), ("Anna", 3)]
 
 
 def test_a_protest_is_decided_once_and_dismissed_it_changes_nothing() -> None:

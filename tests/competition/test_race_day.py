@@ -12,7 +12,7 @@ from race_server.cli.main import app
 from race_server.competition.race_day import race as race_module
 from race_server.competition.race_day.day import run_day
 from race_server.competition.race_day.formats import Format, Obstacles, Races, TimeTrial
-from race_server.competition.race_day.picture import check_picture
+from race_server.competition.race_day.picture import SUFFIXES
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.competition.race_day.race import LocalRace
 from race_server.competition.race_day.record import Team
@@ -22,6 +22,7 @@ from race_server.core.messages import Control
 from race_server.core.observation import Observation
 from race_server.core.vehicle_presets import TT02
 from race_server.errors import RaceError, ScenarioError
+from race_server.pictures import check_picture
 from race_server.scenario.race import Rules, Scenario
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, races
@@ -198,8 +199,10 @@ def test_the_same_seed_gives_the_same_sheet() -> None:
 
 
 def test_a_sheet_of_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"sheet.doc: draw the picture as .png, .svg, .pdf"):
-        check_picture(Path("sheet.doc"))
+    with pytest.raises(
+        ScenarioError, match=r"sheet.doc: write the picture as .png or .svg or .pdf"
+    ):
+        check_picture(Path("sheet.doc"), SUFFIXES)
 
 
 def test_every_race_and_lap_of_the_day_is_in_the_results(tmp_path: Path) -> None:

@@ -1,39 +1,47 @@
 """Laps of recorded races."""
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from race_server.coaching.circumstances import Circumstances
+from race_server.competition import recorded_laps as laps_of_recordings
 from race_server.competition.launch import free_address
 from race_server.competition.recorded_laps import gaps_ahead, recorded_laps
 from race_server.competition.time_trial.lap import BRAKE, PROGRESS, SPEED, THROTTLE, TIME
+from race_server.core.messages import Event, EventKind
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
-from race_server.storage.recording.reader import read_recording
+from race_server.storage.recording.reader import Recording, read_recording
+from race_server.storage.recording.rerun import Rerun
 from support.courses import SMALL_RING
 
 DRIVERS = ("pure_pursuit", "avoider")
 
 
-@pytest.mark.net
-def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
-    tmp_path: Path,
-) -> None:
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """A race of two drivers over two laps."""
+    folder = tmp_path_factory.mktemp("recordings")
     rules = Rules(laps=2, countdown_s=0.5, items=False)
     session = Session("cup", Scenario(SMALL_RING, karts=2, seed=5, rules=rules))
     with (
-        Logbook(tmp_path, "cup", print) as book,
+        Logbook(folder, "cup", print) as book,
         ServerLink(free_address(), "cup", 2) as link,
     ):
         assert RaceServer(session, link, LOCKSTEP, DRIVERS, logbook=book).run(0) is not None
-    (path,) = tmp_path.glob("*.mcap")
-    recording = read_recording(path)
+    (path,) = folder.glob("*.mcap")
+    return read_recording(path)
 
+
+@pytest.mark.net
+def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
+    recording: Recording,
+) -> None:
     found = recorded_laps(recording)
 
     assert found.remark == ""
@@ -50,6 +58,28 @@ def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
         # The first sample behind the line is as far from it as the kart came since.
         driven = trace[SPEED, 1] * trace[TIME, 1]
         assert one.lap.number == 1 or trace[PROGRESS, 1] == pytest.approx(driven, abs=0.03)
+
+
+@pytest.mark.net
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 0)])
+def test_a_contact_is_one_of_both_karts(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch, first: int, second: int
+) -> None:
+    class Touching(Rerun):
+        """The race as it was, with a contact at its begin."""
+
+        def run(self, most_ticks: int = 60) -> Iterator[list[Event]]:
+            touch = [Event(0, 1, EventKind.CONTACT_KART, first, second, 1000)]
+            for events in super().run(most_ticks):
+                yield touch + events
+                touch = []
+
+    monkeypatch.setattr(laps_of_recordings, "Rerun", Touching)
+    contacts = {
+        (one.seat, one.lap.number): one.circumstances.contacts
+        for one in recorded_laps(recording).laps
+    }
+    assert contacts == {(0, 1): 1, (0, 2): 0, (1, 1): 1, (1, 2): 0}
 
 
 def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:

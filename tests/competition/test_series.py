@@ -13,7 +13,7 @@ PLAN = RaceSpec(serve=("--seed", "1"), drivers=("a", "b", "c"), address="", sess
 def document(*drivers: str) -> dict[str, Any]:
     """The result of a race that ended in this order."""
     karts = [{"driver": driver, "rank": rank} for rank, driver in enumerate(drivers, 1)]
-    return {"karts": karts}
+    return {"karts": karts, "stopped": False}
 
 
 def test_everybody_starts_once_from_each_place() -> None:
@@ -39,6 +39,16 @@ def test_who_always_wins_leads_with_an_interval_above_the_others() -> None:
     assert first["low"] < first["mu"] < first["high"]
     assert first["low"] > third["high"]
     assert (first["wins"], first["mean_place"], first["starts"]) == (12, 1.0, 12)
+
+
+def test_a_race_that_is_stopped_ends_the_series_and_is_not_rated() -> None:
+    def run(_: RaceSpec, number: int) -> dict[str, Any]:
+        return {**document("a", "b", "c"), "stopped": number == 2}
+
+    found = run_series(PLAN, 12, 1, run)
+    assert found["stopped"]
+    assert len(found["races"]) == 2
+    assert [row["races"] for row in found["ratings"]] == [2, 2, 2]
 
 
 def test_a_driver_with_two_karts_counts_once_a_race() -> None:

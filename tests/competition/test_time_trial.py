@@ -241,7 +241,7 @@ def test_the_command_prints_rows_and_writes_what_it_is_asked_for(
 ) -> None:
     table, picture = tmp_path / "rows.csv", tmp_path / "laps.png"
     trial(
-        drivers="follow_gap",
+        drivers="follow_gap,follow_gap",  # which is one run
         tracks="oval",
         laps=1,
         gaps="none",

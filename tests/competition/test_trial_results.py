@@ -97,6 +97,21 @@ def test_a_lap_that_was_saved_is_a_ghost(driven: Run, tmp_path: Path) -> None:
         ghost_of(str(tmp_path / "lap.csv"), load_course("hangar-400"), "tt02", None)
 
 
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
+def test_a_lap_with_a_number_that_is_not_finite_is_no_ghost(
+    driven: Run, tmp_path: Path, number: str
+) -> None:
+    path = tmp_path / "lap.csv"
+    save_lap(driven.laps[0].trace, path)
+    head, first, *rest = path.read_text().splitlines()
+    for place in range(len(first.split(","))):
+        words = rest[4].split(",")
+        words[place] = number
+        path.write_text("\n".join([head, first, *rest[:4], ",".join(words), *rest[5:]]))
+        with pytest.raises(ResultsError, match="all numbers are finite"):
+            ghost_of(str(path), load_course("oval"), "tt02", None)
+
+
 def test_a_table_that_is_no_lap_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(ResultsError, match="a lap has the columns time_s, progress"):

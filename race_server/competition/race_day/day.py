@@ -53,6 +53,9 @@ class Day:
         """Begin, or go on after the drives with these records.
 
         event: its name, empty for none; protests: so far.
+
+        Raises:
+            ScenarioError: there are more records than attempts and races.
         """
         self.plan, self.event, self.protests = plan, event or plan.session, protests
         self._scenarios: dict[tuple[str, str, int], Scenario] = {}
@@ -69,8 +72,16 @@ class Day:
         self.next: Drive | None = next(self._drives, None)
 
     def add(self, record: RaceRecord) -> None:
-        """Record the drive that was next."""
-        assert self.next is not None
+        """Record the drive that was next.
+
+        Raises:
+            ScenarioError: there is none.
+        """
+        if self.next is None:
+            raise ScenarioError(
+                f"event {self.event} is over after {len(self.records)} attempts and races; there "
+                "is a record of one more"
+            )
         number = len(self.records)
         about = [protest for protest in self.protests if protest.drive == number]
         self.driven.append(self.next)

@@ -31,18 +31,6 @@ _STEPS = {1: "#d9a521", 2: "#9aa3ad", 3: "#b5763a"}
 _PODIUM = {2: (0.0, 0.72), 1: (1.0, 1.0), 3: (2.0, 0.5)}
 
 
-def check_picture(path: Path) -> None:
-    """Check before the day that its picture can be drawn into a file.
-
-    Raises:
-        ScenarioError: the suffix is unknown, or the folder does not exist.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ScenarioError(f"{path}: draw the picture as {', '.join(SUFFIXES)}")
-    if not path.parent.is_dir():
-        raise ScenarioError(f"{path}: the folder {path.parent} does not exist; make it first")
-
-
 def draw_picture(plan: DayPlan, ledger: Ledger, path: Path, language: str = "en") -> None:
     """Draw the tables of a day into a file, in a language.
 

@@ -3,6 +3,7 @@
 A record stays as it was driven. Decisions stand beside it, and each result is worked out from both.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -48,7 +49,14 @@ def result_of(record: RaceRecord, protests: Iterable[Protest]) -> RaceRecord:
         )
     if drives == record.drives:
         return record
-    placed = sorted((drive for drive in drives if drive.place), key=lambda drive: drive.time_us)
+    places = {team: place for place, team in enumerate(record.grid)}
+
+    def rank(drive: TeamResult) -> tuple[float, ...]:
+        """As in the race: by time, then the better best lap, then the grid."""
+        best_us = drive.best_lap_us or math.inf
+        return drive.time_us, best_us, places.get(drive.team, 0)
+
+    placed = sorted((drive for drive in drives if drive.place), key=rank)
     ranked = [replace(drive, place=place) for place, drive in enumerate(placed, start=1)]
     out = sorted((drive for drive in drives if not drive.place), key=lambda one: one.team in gone)
     return replace(record, drives=(*ranked, *out))

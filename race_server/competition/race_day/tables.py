@@ -39,7 +39,7 @@ def tables_of(plan: DayPlan, ledger: Ledger) -> list[DayTable]:
         if isinstance(stage, TrialResult):
             tables.append(trial_table(stage))
         elif stage.stage.rounds * len(stage.stage.tracks) > MOST_APART:
-            tables.append(_points_table(stage))
+            tables.append(_points_table(ledger, stage))
         else:
             tables += [
                 heat_table(heat, has_points=bool(stage.stage.points)) for heat in stage.heats
@@ -120,8 +120,11 @@ def heat_table(heat: Heat, *, has_points: bool) -> DayTable:
     return DayTable(f"{heat.label.title} · {heat.course.title}", tuple(columns), tuple(rows))
 
 
-def _points_table(stage: RacesResult) -> DayTable:
-    """Return a stage of many races: place and points of each team in each race."""
+def _points_table(ledger: Ledger, stage: RacesResult) -> DayTable:
+    """Return a stage of many races: place and points of each team in each race.
+
+    In the order of the standings as if only this stage counted; those decide between equals.
+    """
     columns = [f"{heat.label.turn}{heat.letter}" for heat in stage.heats]
     columns = list(dict.fromkeys(columns))
     cells: dict[str, dict[str, str]] = {}
@@ -135,7 +138,8 @@ def _points_table(stage: RacesResult) -> DayTable:
             outs[drive.team] = outs.get(drive.team, 0) + (drive.place == 0)
             text = f"{drive.place} ({points})" if drive.place else "out"
             cells.setdefault(drive.team, {})[column] = text
-    order = sorted(total, key=lambda name: -total[name])
+    alone = Ledger(ledger.format, tuple(ledger.order()), [stage])
+    order = [team.name for team in alone.order() if team.name in total]
     rows = tuple(
         (
             str(place),

@@ -131,15 +131,15 @@ def _read(path: Path, course: Course) -> Ghost:
             "`race trial --save-lap` writes them"
         ) from error
     off = _OFF_LINE_SHARE * course.length
-    is_lap = table.shape[1] > 1 and bool((np.diff(table[TIME]) > 0.0).all())
+    is_lap = table.shape[1] > 1 and np.isfinite(table).all() and (np.diff(table[TIME]) > 0.0).all()
     if (
         not is_lap
         or abs(table[PROGRESS, 0]) > off
         or abs(table[PROGRESS, -1] - course.length) > off
     ):
         raise ResultsError(
-            f"{path}: no lap of {course.name}: progress runs from 0 to {course.length:.1f} m and "
-            "time goes up"
+            f"{path}: no lap of {course.name}: progress runs from 0 to {course.length:.1f} m, "
+            "time goes up, and all numbers are finite"
         )
     return Ghost(path.name, float(table[TIME, -1] - table[TIME, 0]), table)
 

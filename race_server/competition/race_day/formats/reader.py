@@ -35,7 +35,15 @@ def read_format(path: Path) -> Format:
         words = parse_toml(text)
     except ValueError as error:
         raise ScenarioError(f"{path}: no TOML: {error}") from error
-    return format_of(path.stem, words, str(path))
+    form = format_of(path.stem, words, str(path))
+    # Not where the file of an event is read, which may be older than this rule.
+    for stage in form.stages:
+        if isinstance(stage, TimeTrial) and stage.least_points > stage.best_points:
+            raise ScenarioError(
+                f"{path}: {stage.name}: least_points = {stage.least_points}: give at most "
+                f"best_points, which is {stage.best_points}"
+            )
+    return form
 
 
 def words_of(form: Format) -> dict[str, Any]:

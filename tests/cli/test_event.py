@@ -1,0 +1,89 @@
+"""`race event`: events in their files, damaged ones among them."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from race_server.cli.event import app
+from race_server.competition.event_state import Entrant, EventFile, EventState
+from race_server.competition.race_day.record import RaceRecord, TeamResult
+from race_server.errors import ScenarioError
+from support.served_event import TRIAL
+
+LONG = "an-evening-with-a-name-that-is-longer-than-any-column-of-a-terminal-would-be-by-itself"
+RESULT = TeamResult("Anna", 1, 1, 9_000_000, 9_000_000, (9_000_000,), 0, 0, 0, 0, "")
+DRIVE = RaceRecord("0a", (RESULT,))
+
+
+def write(folder: Path, name: str, records: int = 1) -> Path:
+    """Write the event of one driver with two attempts; return its file."""
+    entrants = (Entrant(0, "Anna", "Anna", "lidar", "00"),)
+    tracks = {"A": "oval"}
+    state = EventState(
+        *(name, "2026-11-23T18:00", TRIAL, tracks, "tt02", 1, "lockstep", False, entrants),
+        records=(DRIVE,) * records,
+    )
+    file = EventFile(folder, name)
+    file.write(state)
+    return file.path
+
+
+def shown(folder: Path, *words: str) -> str:
+    """Return what a command prints about the events in a folder.
+
+    Raises:
+        ScenarioError: it cannot.
+    """
+    done = CliRunner().invoke(app, [*words, "--record", str(folder)])
+    if done.exception is not None:
+        raise done.exception
+    return done.stdout
+
+
+def test_an_event_is_shown_by_the_name_that_the_list_prints(tmp_path: Path) -> None:
+    write(tmp_path, LONG)
+    write(tmp_path, "cup")
+    names = [line.split()[-1] for line in shown(tmp_path, "list").splitlines()[1:]]
+    assert sorted(names) == [f"{LONG}.event.json", "cup.event.json"]
+    for name in names:
+        document = json.loads(shown(tmp_path, "show", name, "--json"))
+        assert document["event"] == name.removesuffix(".event.json")
+
+
+def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:
+    write(tmp_path, "cup")
+    (tmp_path / "hurt.event.json").write_text("[" * 100_000)
+    done = CliRunner().invoke(app, ["list", "--json", "--record", str(tmp_path)])
+    assert [Path(row["file"]).name for row in json.loads(done.stdout)] == ["cup.event.json"]
+    assert "hurt.event.json is damaged" in done.stderr
+    assert done.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('"begun_at": "2026-11-23T18:00"', '"begun_at": 5', "5 is no text"),
+        ('"time_us": 9000000', '"time_us": Infinity', "Infinity is no finite number"),
+        ('"time_us": 9000000', '"time_us": -1e999', "-1e999 is no finite number"),
+        ('"team": "Anna",\n     "place"', '"team": "Bert",\n     "place"', "a record is of Bert"),
+    ],
+)
+def test_a_file_with_a_wrong_value_is_damaged(
+    tmp_path: Path, old: str, new: str, fault: str
+) -> None:
+    path = write(tmp_path, "cup")
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ScenarioError, match=f"cup.event.json is damaged .*{fault}"):
+        shown(tmp_path, "show")
+
+
+def test_a_file_with_more_records_than_its_format_has_attempts_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, "cup", records=3)
+    with pytest.raises(
+        ScenarioError, match="is over after 2 attempts and races; there is a record"
+    ):
+        shown(tmp_path, "show")
