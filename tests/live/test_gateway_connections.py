@@ -44,10 +44,10 @@ def ends_with(browser: Browser) -> int | None:
     return browser.socket.close_code
 
 
-def test_a_token_that_is_no_text_is_refused_as_any_wrong_one_is(served: ServedRace) -> None:
+def test_a_token_that_is_no_text_is_malformed(served: ServedRace) -> None:
     for role in ("drive", "steward"):
         with Browser(served.base, f'{{"role": "{role}", "token": "\\ud800"}}') as rude:
-            assert rude.refusal() == ("token", 4401)
+            assert rude.refusal() == ("malformed", 4400)
 
 
 @pytest.mark.parametrize(

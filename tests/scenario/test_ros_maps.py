@@ -162,11 +162,11 @@ def test_check_finds_a_border_in_a_wall(tmp_path: Path) -> None:
 
 
 def test_check_compares_the_vehicle_with_the_narrowest_place_of_the_map(tmp_path: Path) -> None:
-    course = imported(tmp_path, ring, step=0.04).course  # 1.6 m wide; a kart needs 1.69 m
+    course = imported(tmp_path, ring, step=0.04).course  # 1.6 m wide; a kart needs 1.99 m
     found = errors_of(course, tmp_path, KART_60)
     (narrow,) = [what for what in found if what.startswith("course.map.yaml is")]
     assert float(narrow.split()[2]) == pytest.approx(1.6, abs=0.06)
-    assert "kart-60 needs 1.69 m" in narrow
+    assert "kart-60 needs 1.99 m" in narrow
 
 
 @pytest.mark.parametrize("key", ["image", "resolution", "origin"])

@@ -211,7 +211,7 @@ def test_borders_of_a_bumpy_ring_never_cross_and_keep_their_distance(
 
 def test_check_finds_a_track_too_narrow_for_a_kart() -> None:
     errors = [f.what for f in check_course(load_course("oval"), KART_30) if f.level == "error"]
-    assert any("1.20 m wide at the narrowest; kart-30 needs 1.69 m" in what for what in errors)
+    assert any("1.20 m wide at the narrowest; kart-30 needs 1.99 m" in what for what in errors)
 
 
 def test_check_finds_a_gap_in_a_border() -> None:
