@@ -55,11 +55,18 @@ def arc_length(arc: int, start: float, scale: float) -> float:
 def place_points(memory: Floats, rays: int, field: float, ahead: float, turn: float) -> None:
     """Write the scan's points as seen from where the car will be: x ahead, then y to the left.
 
-    It will have driven `ahead` [m] and turned by `turn` [rad]. Their squared distances [m²] go
-    where the widened scan was: all arcs are searched by them.
+    It will have driven `ahead` [m] and turned by `turn` [rad].
     """
     dx, dy = ahead * math.cos(0.5 * turn), ahead * math.sin(0.5 * turn)
     move_scan(memory, rays, field, dx, dy, turn)
+
+
+@kernel
+def square_points(memory: Floats, rays: int) -> None:
+    """Write the squared distances [m²] of the points: all arcs are searched by them.
+
+    They go where the widened scan was.
+    """
     for ray in range(rays):
         x, y = memory[KEPT + 2 * rays + ray], memory[KEPT + 3 * rays + ray]
         memory[KEPT + rays + ray] = x * x + y * y

@@ -33,9 +33,10 @@ from race_agents.drivers.tentacle_search import (
     free_along,
     place_points,
     slide_window,
+    square_points,
     wall_along,
 )
-from race_agents.planning.driven_way import rays_across, remember_way, shut, wall_off
+from race_agents.planning.driven_way import NONE, rays_across, remember_way, shut, wall_off
 from race_agents.planning.scan import age_of_scan, fill_dropouts, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.turn_back import SIDE as BACK_TO
@@ -236,13 +237,15 @@ def feel(cockpit: Cockpit) -> None:
     has_turned = has_turned_round(cockpit, rays)
     remember_way(cockpit)
     across = rays_across(memory, rays, field, vehicle.length)
-    wall_off(memory, rays, field, vehicle.length)
+    if across[0] != NONE:
+        wall_off(memory, rays, field, vehicle.length)
+        place_points(memory, rays, field, later * speed, turn)
     half, jump = GAP_HALF * vehicle.width, GAP_JUMP * vehicle.length
     widen_edges(memory, KEPT, rays, step, half, jump, memory, widened)
     shut(memory, widened, across)
     depth = nearest_deepest(memory, widened, rays, field)
     goal = middle_of_gap(memory, widened, rays, field, GAP_DEEP * depth)
-    place_points(memory, rays, field, later * speed, turn)
+    square_points(memory, rays)
     now = math.tan(observation[offsets[STEERING]]) / wheelbase
     drivable = choose_arc(memory, rays, step, speed, now, goal - turn, vehicle)
     control[0] = math.atan(memory[KEPT + 4 * rays + CURVATURE] * wheelbase) / vehicle.steering_limit

@@ -11,6 +11,7 @@ from race_agents.drivers.tentacle_search import (
     free_along,
     place_points,
     slide_window,
+    square_points,
     wall_along,
 )
 from race_agents.drivers.tentacles import clearance_of, flatness_of
@@ -132,6 +133,7 @@ def memory_of(ranges: np.ndarray) -> np.ndarray:
     memory = np.zeros(memory_size(RAYS))
     memory[KEPT : KEPT + RAYS] = ranges
     place_points(memory, RAYS, FIELD, 0.0, 0.0)
+    square_points(memory, RAYS)
     return memory
 
 

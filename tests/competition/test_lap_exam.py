@@ -52,6 +52,16 @@ def in_this_process(driven: list[RunSpec]) -> Any:
     return run_all
 
 
+@pytest.fixture
+def driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[RunSpec]:
+    """Return the runs of an exam, noted in the place of being driven; nothing else is kept."""
+    runs: list[RunSpec] = []
+    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(lap_exam, "run_all", in_this_process(runs))
+    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+    return runs
+
+
 def test_three_of_four_laps_clean_on_one_of_two_courses() -> None:
     row = LapRow.of([one_try("a", 2, 1.02), one_try("b", 1, 1.06)])
     assert (row.courses, row.laps, row.contacts, row.rescues) == (2, 4, 1, 0)
@@ -115,13 +125,7 @@ def test_a_course_that_was_driven_is_not_driven_twice(
     assert 0.98 < first.ratios[0] < 1.05
 
 
-def test_a_driver_whose_policy_has_changed_is_driven_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven: list[RunSpec] = []
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
-    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+def test_a_driver_whose_policy_has_changed_is_driven_again(driven: list[RunSpec]) -> None:
     spec = LapExamSpec(("oval",), laps=1)
     for edition in ("old", "old", "new"):
         list(examine(spec, ["learned:full"], {"learned:full": edition}))
@@ -175,28 +179,20 @@ def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
     assert "raceline" in (tmp_path / "laps.svg").read_text()
 
 
-def test_a_driver_that_is_named_twice_is_examined_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven: list[RunSpec] = []
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
-    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+def test_a_driver_that_is_named_twice_is_examined_once(driven: list[RunSpec]) -> None:
     words = ["laps", "--drivers", "raceline,raceline", "--courses", "1", "--json"]
     (row,) = json.loads(CliRunner().invoke(app, words).stdout)["rows"]
     assert (row["driver"], row["courses"], row["laps"]) == ("raceline", 1, 5)
     assert len(driven) == 1
 
 
+@pytest.mark.usefixtures("driven")
 def test_a_picture_that_cannot_be_written_takes_no_figure_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
         raise ScenarioError("laps.png cannot be written: no space left")
 
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
-    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
     monkeypatch.setattr(lap_picture, "draw_laps", full)
     words = ["laps", "--drivers", "raceline", "--courses", "1", "--json"]
     shown = CliRunner().invoke(app, [*words, "--plot", str(tmp_path / "laps.png")])
@@ -204,12 +200,8 @@ def test_a_picture_that_cannot_be_written_takes_no_figure_away(
     assert json.loads(shown.stdout)["rows"][0]["driver"] == "raceline"
 
 
-def test_the_rows_of_the_document_have_the_keys_that_were_promised(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
-    monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
+@pytest.mark.usefixtures("driven")
+def test_the_rows_of_the_document_have_the_keys_that_were_promised() -> None:
     words = ["laps", "--drivers", "raceline", "--courses", "1", "--first-seed", "7", "--json"]
     shown = CliRunner().invoke(app, words)
     (row,) = json.loads(shown.stdout)["rows"]
