@@ -25,7 +25,6 @@ class Strangers:
         """Prepare. source: address that they come from."""
         self._source, self._port, self._kind = source, port, kind
         self._first = {JUNK: os.urandom(64), HELLO: client_hello()}.get(kind, b"")
-        self._held: list[asyncio.StreamWriter] = []
         self.opened = self.failed = self.most_open = self._open = 0
 
     async def open_many(self, rate: float, seconds: float) -> None:
@@ -38,30 +37,31 @@ class Strangers:
                 tasks.add(task)
                 task.add_done_callback(tasks.discard)
             await asyncio.sleep(0.005)
-        for writer in self._held:
-            writer.transport.abort()
-        await asyncio.gather(*tasks)
+        # Also those that are still being opened: nothing would end their silence later.
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _open_one(self) -> None:
         place = asyncio.open_connection("127.0.0.1", self._port, local_addr=(self._source, 0))
         try:
             reader, writer = await asyncio.wait_for(place, OPEN_S)
-        except OSError:  # TimeoutError is one
+        except (OSError, asyncio.CancelledError):  # TimeoutError is an OSError
             self.failed += 1
             return
         self.opened += 1
         self._open += 1
         self.most_open = max(self.most_open, self._open)
-        if self._first:
+        try:
             with suppress(OSError):
-                writer.write(self._first)
-            await asyncio.sleep(JUNK_S)
-        else:
-            self._held.append(writer)
-            with suppress(OSError):
-                await reader.read(1)  # until the other end closes it
-        writer.close()
-        self._open -= 1
+                if self._first:
+                    writer.write(self._first)
+                    await asyncio.sleep(JUNK_S)
+                else:
+                    await reader.read(1)  # until the other end closes it, or the attack is over
+        finally:
+            writer.close()
+            self._open -= 1
 
 
 def client_hello() -> bytes:
