@@ -11,7 +11,6 @@ import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from race_agents.planning.lap_survey import path_of, wall_map_of
 from race_agents.planning.wall_map import Pose, Scan, WallMap
@@ -21,11 +20,12 @@ from race_server.errors import PlanError, RaceError
 from race_server.scenario.raceline.attach import line_of, stand_in
 from race_server.scenario.raceline.baselines import least_curved
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.raceline.frame import frame_of
+from race_server.scenario.raceline.frame import Frame, frame_of
 from race_server.scenario.raceline.minimum_time import fastest_lap
 from race_server.scenario.raceline.program import load_casadi
 from race_server.scenario.raceline.result import Solution, limit_of, profile_of
 from race_server.scenario.track.build import SCALES, TrackSpec, build
+from race_server.scenario.track.corridor import strip_between
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.limits import MOST_POINTS
 from race_server.scenario.track.line import ReferenceLine
@@ -46,10 +46,11 @@ STEP, FARTHEST = 0.25, 60.0
 SOFT = 0.4
 # Scans that must have seen a piece of wall.
 SEEN = 2
-# Free room between body and border that the line keeps, as a share of the vehicle's width: the
-# map's error, that of a pose and that of the steering come off it. Corners of walls lack their tips
-# in the map, and borders are smoothed: by 0.1 m together.
-MARGIN_SHARE = 0.8
+# Free room [widths of the vehicle] between body and border beside what every line keeps: the map's
+# error, that of a pose and that of the steering come off it. Corners of walls lack their tips in
+# the map, and borders are smoothed: by 0.1 m together. Where a course is too narrow for that, the
+# line has LEAST [m] to each side of the middle.
+MORE_ROOM, LEAST = 0.537, 0.01
 # Rounds in which every scan is fitted among all others, and the trust in its pose [m], [rad].
 REFINING, TRUST = 2, (0.1, 0.02)
 
@@ -76,45 +77,52 @@ def refine(scans: list[Scan], poses: list[Pose], ways: list[float], cell: float)
 def borders_along(path: Floats, walls: WallMap) -> tuple[Floats, Floats]:
     """Return the closed borders left and right of a closed path, each (M, 2) [m].
 
-    path: (N, 2) [m] in the direction of travel. A piece of wall belongs to the nearest place of the
-    path that its free side faces.
+    path: (N, 2) [m] in the direction of travel. A piece of wall is left or right of the nearest
+    place of the path that its free side faces. Pieces follow one another as the triangles between
+    the two sides do, so that an alcove is left out where walls across are nearer.
 
     Raises:
         PlanError: one side has hardly any walls.
+        TrackError: the walls of a side do not lead around.
     """
-    step = STEP * walls.cell
-    line = resample(path, max(round(lengths_of(path).sum() / step), 32))
+    from matplotlib.tri import Triangulation
+
+    line = resample(path, max(round(lengths_of(path).sum() / (STEP * walls.cell)), 32))
     line = smooth(line, 2.0 / STEP)
     heading, _ = derivatives(line)
     seen = walls.counts >= SEEN
-    points, normals = walls.points[seen], walls.normals[seen]
-    place, offset = _beside(line, heading, points, normals, FARTHEST * walls.cell)
+    offset = _beside(line, heading, walls.points[seen], walls.normals[seen], FARTHEST * walls.cell)
+    points, offset = walls.points[seen][offset != 0.0], offset[offset != 0.0]
+    if min(np.sum(offset > 0.0), np.sum(offset < 0.0)) < 16:
+        raise PlanError("the lap shows no walls on one side of its path")
+    net = Triangulation(*points.T)
+    strip = strip_between(net.triangles, net.neighbors, offset > 0.0)
+    # Each triangle of the strip adds the corner that the one before it does not have.
+    added = [
+        next(corner for corner in triangle if corner not in before)
+        for before, triangle in zip(np.roll(strip, 1, axis=0).tolist(), strip.tolist(), strict=True)
+    ]
     sides = []
     for side in (1.0, -1.0):
-        mine = np.flatnonzero(side * offset > 0.0)
-        if len(mine) < 16:
-            raise PlanError("the lap shows no walls on one side of its path")
-        ahead = np.column_stack([np.cos(heading), np.sin(heading)])[place[mine]]
-        along = np.sum((points[mine] - line[place[mine]]) * ahead, axis=1)
-        order = np.argsort(place[mine] + along / step, kind="stable")
-        sides.append(_evened(points[mine[order]], walls.cell))
+        border = points[[corner for corner in added if side * offset[corner] > 0.0]]
+        if (area_of(border) > 0.0) != (area_of(path) > 0.0):
+            border = border[::-1]
+        sides.append(_evened(border, walls.cell))
     return sides[0], sides[1]
 
 
-def _beside(
-    line: Floats, heading: Floats, points: Floats, normals: Floats, most: float
-) -> tuple[NDArray[np.int64], Floats]:
-    """Return the place on a line that each wall faces, and its offset [m]; 0 where none is near."""
+def _beside(line: Floats, heading: Floats, points: Floats, normals: Floats, most: float) -> Floats:
+    """Return the offset [m] of each wall from the place of a line that it faces, 0 for none."""
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
-    place, offset = np.zeros(len(points), np.int64), np.zeros(len(points))
+    offset = np.zeros(len(points))
     for index, (point, normal) in enumerate(zip(points, normals, strict=True)):
         away = point - line
         square = np.sum(away * away, axis=1)
         square[away @ normal >= 0.0] = np.inf
         best = int(np.argmin(square))
         if square[best] < most * most:
-            place[index], offset[index] = best, away[best] @ left[best]
-    return place, offset
+            offset[index] = away[best] @ left[best]
+    return offset
 
 
 def _evened(border: Floats, cell: float) -> Floats:
@@ -167,10 +175,10 @@ def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Cou
 
 def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
     """Return the line to race; the centre line where nothing solves it."""
-    bounds = bounds_of(vehicle, margin=MARGIN_SHARE * vehicle.width)
+    bounds = bounds_of(vehicle)
     try:
         load_casadi()
-        frame = frame_of(course, bounds)
+        frame = _with_room(frame_of(course, bounds), MORE_ROOM * vehicle.width)
         calm = least_curved(frame, bounds)
         _, speeds = profile_of(frame, calm, bounds)
         best = fastest_lap(frame, bounds, calm, speeds)
@@ -178,6 +186,13 @@ def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
     limit = limit_of(frame, bounds, Solution(best, calm, calm), 0.0)
     return line_of(course, bounds, limit.minimum_time)
+
+
+def _with_room(frame: Frame, room: float) -> Frame:
+    """Return a frame whose sides are a length [m] nearer, or meet but for LEAST in the middle."""
+    middle, half = 0.5 * (frame.low + frame.high), 0.5 * (frame.high - frame.low)
+    half = np.maximum(half - room, np.minimum(half, LEAST))
+    return replace(frame, low=middle - half, high=middle + half)
 
 
 def walled_path(

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.planning.charted_course import borders_along, course_between
+from race_agents.planning.charted_course import borders_along, course_between, line_on
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning, path_of, spread_error
 from race_agents.planning.line_view import LineView
 from race_agents.planning.wall_map import (
@@ -23,8 +23,9 @@ from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.raceline.attach import stand_in
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.track.polyline import segments_of
+from race_server.scenario.track.polyline import area_of, crossings, segments_of
 from race_server.scenario.track.raycast import first_met
+from support.courses import ring
 
 CELL, LENGTH, FIELD, REACH = 0.1, 0.45, math.radians(200.0), 8.0
 ANGLES = np.linspace(-0.5 * FIELD, 0.5 * FIELD, 201)
@@ -177,6 +178,29 @@ def test_the_oval_is_1_m_wide_everywhere_to_3_cm() -> None:
     assert np.abs(widths - 1.0).max() < 0.03
     # The wheels count 1 % too much, and nothing but them tells how long a straight is.
     assert course.length == pytest.approx(8.0 + 2.0 * math.pi * 2.1, rel=0.015)
+
+
+def test_a_bent_wall_to_be_driven_around_keeps_its_area_of_2_m2() -> None:
+    bent = np.array([(-3, 1.6), (0, 0.4), (3, 1.6), (3, 1.3), (0, 0.0), (-3, 1.3)])
+    turns = np.linspace(0.0, 2.0 * math.pi, 61)[:-1]
+    around = np.column_stack([6.2 * np.cos(turns), 4.4 * np.sin(turns)])
+    walls = np.concatenate([segments_of(around), segments_of(bent)])
+    x, y = 4.6 * np.cos(turns), 2.8 * np.sin(turns)
+    poses = [
+        (x, y, math.atan2(2.8 * math.cos(turn), -4.6 * math.sin(turn)))
+        for x, y, turn in zip(x, y, turns, strict=True)
+    ]
+    left, right = borders_along(path_of(poses), map_from(walls, poses))
+    assert not len(crossings(segments_of(left)))
+    assert area_of(left) == pytest.approx(0.5 * (0.3 + 0.4) * 6.0, abs=0.3)
+    assert area_of(right) == pytest.approx(math.pi * 6.2 * 4.4, rel=0.01)
+
+
+def test_a_line_keeps_to_the_middle_where_the_course_has_no_more_room() -> None:
+    # 0.47 m: a model car of 0.19 m, 0.05 m to each side, and 0.09 m that are not enough.
+    line = line_on(ring(radius=3.0, half_width=0.235), vehicle_named("tt02"))
+    assert not line.note
+    assert np.hypot(line.x, line.y) == pytest.approx(3.0, abs=0.011)
 
 
 def test_a_kart_that_was_put_elsewhere_is_found_again() -> None:

@@ -90,8 +90,7 @@ def middle_of(corridor: Corridor, name: object) -> tuple[Floats, Floats]:
         )
     net = Triangulation(*points.T)
     inside = _sides(points, parts, net.edges, corridor)[parts]
-    strip = _strip(net.neighbors, inside[net.triangles])
-    corners = points[net.triangles[strip]]
+    corners = points[strip_between(net.triangles, net.neighbors, inside)]
     middle = _centres(corners)
     return middle, np.asarray(np.hypot(*(middle - corners[:, 0]).T))
 
@@ -129,24 +128,35 @@ def _sides(points: Floats, parts: Numbers, edges: Numbers, corridor: Corridor) -
     return inside
 
 
-def _strip(neighbors: Numbers, inside: NDArray[np.bool_]) -> list[int]:
-    """Return the triangles with corners on both sides, in order around the island.
+def strip_between(triangles: Numbers, neighbors: Numbers, inside: NDArray[np.bool_]) -> Numbers:
+    """Return the longest closed strip of triangles with corners on both sides, in order (K, 3).
 
-    neighbors: (T, 3) triangle across the side from each corner to the next; inside: (T, 3) whether
-    a corner lies on the inner side.
+    triangles: (T, 3) numbers of points; neighbors: (T, 3) triangle across the side from each corner
+    to the next, -1 where there is none; inside: (N,) whether a point lies on the inner side.
+
+    Raises:
+        TrackError: no strip is closed.
     """
-    crosses = inside != np.roll(inside, -1, axis=1)
-    mixed = np.flatnonzero(crosses.any(axis=1))
+    mixed = inside[triangles]
+    crosses = mixed != np.roll(mixed, -1, axis=1)
+    across = np.flatnonzero(crosses.any(axis=1))
     # Each has two sides that lead across, to the triangle before and to the one behind.
-    both = neighbors[mixed][crosses[mixed]].reshape(-1, 2)
-    following = dict(zip(mixed.tolist(), both.tolist(), strict=True))
-    strip = [int(mixed[0])]
-    ahead = following[strip[0]][0]
-    while ahead != strip[0]:
-        first, second = following[ahead]
-        strip.append(ahead)
-        ahead = second if first == strip[-2] else first
-    return strip
+    both = neighbors[across][crosses[across]].reshape(-1, 2)
+    following = dict(zip(across.tolist(), both.tolist(), strict=True))
+    best: list[int] = []
+    while following:
+        first, (ahead, _) = following.popitem()
+        strip = [first]
+        while ahead in following:
+            one, other = following.pop(ahead)
+            before, here = strip[-1], ahead
+            ahead = other if one == before else one
+            strip.append(here)
+        if ahead == first and len(strip) > len(best):
+            best = strip
+    if not best:
+        raise TrackError("the walls of one side do not lead around those of the other")
+    return np.asarray(triangles[best])
 
 
 def _centres(corners: Floats) -> Floats:
