@@ -11,6 +11,7 @@ import typer
 
 from race_agents.commands.exam_coaching import coaching
 from race_agents.commands.exam_laps import laps
+from race_agents.commands.exam_races import races
 from race_agents.commands.exam_result import Result
 from race_agents.commands.exam_retention import retention
 from race_agents.commands.exam_sweep import sweep
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Examine drivers on many tasks, each decided by its seed.")
 app.command()(laps)
+app.command()(races)
 app.command()(sweep)
 app.command()(coaching)
 app.command()(retention)

@@ -228,8 +228,8 @@ def _check_files(plot: Path | None, *tables: Path | None) -> None:
 
 def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -> "Trial":
     """Drive all runs of a trial and keep them in the log."""
+    from race_server.competition.pool import is_ready
     from race_server.competition.time_trial.plan import compile_once, prepare
-    from race_server.competition.time_trial.pool import is_ready
 
     with console.status("computing the limits", spinner="dots") as status:
         trial = prepare(plan)

@@ -5,31 +5,27 @@ exam that was stopped goes on where it was, and the same question is not driven 
 """
 
 import contextlib
-import hashlib
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import median
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
+from race_server.competition.kept_outcomes import keep_outcome, kept_in, place_of
+from race_server.competition.pool import SOLVING, Work, run_all
 from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.figures import intervals
 from race_server.competition.time_trial.gaps import DECISION_TICKS, NONE, Gap
 from race_server.competition.time_trial.lap import TrialLap, X, Y
 from race_server.competition.time_trial.plan import compile_once
-from race_server.competition.time_trial.pool import SOLVING, run_all
-from race_server.competition.time_trial.run import Run, Tell, drive_run
+from race_server.competition.time_trial.run import Run, Tell, drive_run, lost_run
 from race_server.competition.time_trial.run_spec import RunSpec
-from race_server.core.kernels.jit import cache_root, source_digest
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.core.vehicles import Vehicle
 from race_server.errors import RaceError, TrackError
-from race_server.kept_file import keep
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.track.course import Course
@@ -195,12 +191,12 @@ def examine(
         is_solving = laps == SOLVING
         watch(f"limit of {course}" if is_solving else f"{run.driver}, {course}, lap {laps + 1}")
 
-    outcomes = run_all(waiting, spec.jobs, report, drive_with_limit)
+    outcomes = run_all(Work(drive_with_limit, lost_run), waiting, spec.jobs, report)
     with contextlib.closing(outcomes):
         for _, driven in outcomes:
             one = try_of(driven, spec.warm_up)
             if not driven.failed:
-                _write(_kept(driven.spec, spec.warm_up, editions), one)
+                keep_outcome(_kept(driven.spec, spec.warm_up, editions), asdict(one))
             yield one
 
 
@@ -249,21 +245,11 @@ def _off_centre(course: Course, laps: Sequence[TrialLap]) -> float | None:
 
 
 def _kept(spec: RunSpec, warm_up: int, editions: Mapping[str, str]) -> Path:
-    """Return the file that keeps a run: by all that decides it, the compiled code included."""
+    """Return the file that keeps a run."""
     edition = editions.get(spec.driver, "")
-    words = f"{source_digest()} {edition} {digest_of(spec.track)} {warm_up} {spec}"
-    digest = hashlib.sha256(words.encode()).hexdigest()[:24]
-    return cache_root() / "lap-exams" / f"{digest}.json"
+    return place_of("lap-exams", edition, digest_of(spec.track), warm_up, spec)
 
 
 def _read(path: Path) -> CourseTry | None:
     """Return what a file keeps, or None if there is none that can be read."""
-    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
-        words: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return CourseTry(**(words | {"times_s": tuple(words["times_s"])}))
-    return None
-
-
-def _write(path: Path, one: CourseTry) -> None:
-    words = json.dumps(asdict(one)).encode()
-    keep(path, lambda file: file.write(words))
+    return kept_in(path, lambda words: CourseTry(**(words | {"times_s": tuple(words["times_s"])})))

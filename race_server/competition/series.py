@@ -2,7 +2,7 @@
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from statistics import fmean, stdev
 from typing import Any
@@ -18,18 +18,23 @@ INTERVAL = 1.96
 Document = dict[str, Any]
 
 
-def plans_of(plan: RaceSpec, races: int, seed: int) -> Iterator[RaceSpec]:
-    """Return the plan of each race: seeds from `seed` on, and a different order on the grid.
+def orders_of(drivers: Sequence[str], races: int, seed: int) -> Iterator[tuple[str, ...]]:
+    """Return the drivers of each race, the first on pole.
 
     In as many races as there are karts every driver starts once from each place; then a new order
     is drawn, so that neighbours change.
     """
-    chance, order = random.Random(seed), list(plan.drivers)
+    chance, order = random.Random(seed), list(drivers)
     for number in range(races):
         turn = number % len(order)
         if turn == 0:
             chance.shuffle(order)
-        drivers = (*order[turn:], *order[:turn])
+        yield (*order[turn:], *order[:turn])
+
+
+def plans_of(plan: RaceSpec, races: int, seed: int) -> Iterator[RaceSpec]:
+    """Return the plan of each race: seeds from `seed` on, and a different order on the grid."""
+    for number, drivers in enumerate(orders_of(plan.drivers, races, seed)):
         # Of two seeds on a command line the last one counts.
         yield replace(plan, drivers=drivers, serve=(*plan.serve, "--seed", str(seed + number)))
 

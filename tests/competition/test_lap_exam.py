@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
 from race_agents.commands.exam_laps import editions_of
-from race_server.competition import lap_exam, lap_picture
+from race_server.competition import kept_outcomes, lap_exam, lap_picture
 from race_server.competition.lap_exam import (
     CourseTry,
     LapExamSpec,
@@ -24,6 +24,7 @@ from race_server.competition.lap_exam import (
     rows_of,
 )
 from race_server.competition.lap_picture import draw_laps
+from race_server.competition.pool import Work
 from race_server.competition.time_trial.gaps import gaps_named
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
@@ -43,11 +44,11 @@ def in_this_process(driven: list[RunSpec]) -> Any:
     """Return what stands in for the pool of processes, and notes the runs that it drives."""
 
     def run_all(
-        specs: Sequence[RunSpec], _jobs: int, report: Any, drive: Any
+        work: Work[RunSpec, Run], specs: Sequence[RunSpec], _jobs: int, report: Any
     ) -> Iterator[tuple[int, Run]]:
         for number, spec in enumerate(specs):
             driven.append(spec)
-            yield number, drive(spec, partial(report, number))
+            yield number, work.drive(spec, partial(report, number))
 
     return run_all
 
@@ -56,7 +57,7 @@ def in_this_process(driven: list[RunSpec]) -> Any:
 def driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[RunSpec]:
     """Return the runs of an exam, noted in the place of being driven; nothing else is kept."""
     runs: list[RunSpec] = []
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(kept_outcomes, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(lap_exam, "run_all", in_this_process(runs))
     monkeypatch.setattr(lap_exam, "drive_with_limit", lambda spec, _: Run(spec))
     return runs
@@ -115,7 +116,7 @@ def test_a_course_that_was_driven_is_not_driven_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driven: list[RunSpec] = []
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(kept_outcomes, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(lap_exam, "run_all", in_this_process(driven))
     (first,) = examine(LapExamSpec(("oval",), laps=1), ["raceline"])
     both = {one.driver: one for one in examine(LapExamSpec(("oval",), laps=1), ["raceline", "idm"])}
@@ -153,7 +154,7 @@ def test_an_exam_tells_whose_limit_is_solved_and_in_which_lap_a_driver_is(
         tell(1)
         return Run(spec)
 
-    monkeypatch.setattr(lap_exam, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(kept_outcomes, "cache_root", lambda: tmp_path)
     monkeypatch.setattr(lap_exam, "compile_once", lambda _: None)
     monkeypatch.setattr(lap_exam, "run_all", in_this_process([]))
     monkeypatch.setattr(lap_exam, "drive_run", drive)

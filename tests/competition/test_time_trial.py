@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from race_server.cli.trial import trial
+from race_server.competition.pool import SOLVING, Work, run_all
 from race_server.competition.time_trial.figures import (
     LimitTime,
     TrialSummary,
@@ -27,8 +28,14 @@ from race_server.competition.time_trial.lap import (
 )
 from race_server.competition.time_trial.limits import limits_of
 from race_server.competition.time_trial.plan import TrialPlan, prepare
-from race_server.competition.time_trial.pool import SOLVING, run_all
-from race_server.competition.time_trial.run import Attempt, Run, Tell, drive_run, numbers_of
+from race_server.competition.time_trial.run import (
+    Attempt,
+    Run,
+    Tell,
+    drive_run,
+    lost_run,
+    numbers_of,
+)
 from race_server.competition.time_trial.run_spec import (
     STANDING,
     RunSpec,
@@ -224,10 +231,11 @@ def drive_as_named(spec: RunSpec, tell: Tell) -> Run:
 def test_a_process_that_dies_or_is_stuck_takes_no_other_run_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("race_server.competition.time_trial.pool.SLACK_S", 0.2)
+    monkeypatch.setattr("race_server.competition.pool.SLACK_S", 0.2)
     names = ("dies", "solves", "is_stuck", "bob")
     specs = [RunSpec(name, "oval", decision_limit_s=0.2) for name in names]
-    remarks = {number: run.remark for number, run in run_all(specs, 2, drive=drive_as_named)}
+    outcomes = run_all(Work(drive_as_named, lost_run), specs, 2)
+    remarks = {number: run.remark for number, run in outcomes}
     assert remarks[0] == "its process died (exit status 3)"
     assert remarks[2] == "stuck in machine code, its process was ended"
     assert (remarks[1], remarks[3]) == ("drove", "drove")

@@ -14,11 +14,9 @@ from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.points import place_points
 from race_server.competition.race_day.protest import Protest, result_of
 from race_server.competition.race_day.qualify import trial_result
-from race_server.competition.race_day.race import LocalRace, rehearse
+from race_server.competition.race_day.race import LocalRace, needs_line, rehearse
 from race_server.competition.race_day.record import RaceRecord, Team, TeamResult
-from race_server.core.driver import driver_named
-from race_server.core.observation import wants_line
-from race_server.errors import DriverError, ScenarioError
+from race_server.errors import ScenarioError
 from race_server.scenario.race import Occasion, Scenario
 from race_server.storage.results.keeper import Keeper
 
@@ -223,7 +221,7 @@ def run_day(plan: DayPlan, keeper: Keeper | None, tell: Tell) -> Ledger:
         ScenarioError: a stage cannot be run.
     """
     plan.check()
-    plan = replace(plan, needs_line=any(_wants_line(team.driver) for team in plan.teams))
+    plan = replace(plan, needs_line=any(needs_line(team.driver) for team in plan.teams))
     _rehearse(plan)
     day = Day(plan)
     while (drive := day.next) is not None:
@@ -238,13 +236,6 @@ def _rehearse(plan: DayPlan) -> None:
     course = plan.courses[plan.format.letters[0]]
     karts = min(len(course.grid), len(plan.teams))
     rehearse([team.driver for team in plan.teams], plan.scenario(stage, course, karts))
-
-
-def _wants_line(driver: str) -> bool:
-    try:
-        return wants_line(driver_named(driver).preset)
-    except DriverError:  # recorded as an incident when its turn comes
-        return False
 
 
 def _slug(words: str) -> str:

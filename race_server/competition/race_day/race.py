@@ -9,8 +9,9 @@ from race_server.competition.race_day.incidents import Incidents
 from race_server.competition.race_day.record import RaceRecord, Team, record_of
 from race_server.competition.time_limit import TimeLimitExceeded, time_limit
 from race_server.core.driver import driver_named
-from race_server.core.messages import Phase
-from race_server.errors import RaceError
+from race_server.core.messages import Event, Phase
+from race_server.core.observation import wants_line
+from race_server.errors import DriverError, RaceError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.net.wire.drive import ControlFrame, decode_control
 from race_server.scenario.race import Scenario
@@ -25,6 +26,10 @@ DECISION_S = 2.0
 READY_S = 30.0
 
 
+def _ignore(_: Sequence[Event]) -> None:
+    """Do nothing."""
+
+
 class LocalRace:
     """A session whose seats are filled from inside this process, race after race."""
 
@@ -33,8 +38,13 @@ class LocalRace:
         self._session = Session(name, scenario)
         self._keeper = keeper
 
-    def run(self, teams: Sequence[Team], seed: int) -> RaceRecord:
-        """Run a race of these teams, the first on pole, and return its record."""
+    def run(
+        self, teams: Sequence[Team], seed: int, watch: Callable[[Sequence[Event]], None] = _ignore
+    ) -> RaceRecord:
+        """Run a race of these teams, the first on pole, and return its record.
+
+        watch: is called after each decision, with what happened since the one before.
+        """
         session = self._session
         session.scenario = replace(session.scenario, seed=seed)
         local_drivers, incidents = LocalDrivers(session), Incidents()
@@ -48,7 +58,7 @@ class LocalRace:
                 session.leave(seat)
             while session.is_on:
                 self._decide(local_drivers, incidents)
-                self._advance(incidents)
+                watch(self._advance(incidents))
         finally:
             self._close_book()
         names = {seat: team.name for seat, team in enumerate(teams)}
@@ -83,11 +93,12 @@ class LocalRace:
                 continue
             session.receive_control(seat, frame.epoch, frame.sequence, frame.tick, frame.control)
 
-    def _advance(self, incidents: Incidents) -> None:
+    def _advance(self, incidents: Incidents) -> Sequence[Event]:
         events = self._session.advance(self._session.decision_ticks)
         incidents.record_events(events)
         if self._keeper:
             self._keeper.add_laps(self._session.event_log.laps.laps_in(events))
+        return events
 
     def _close_book(self) -> None:
         if self._keeper:
@@ -134,3 +145,11 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
             pass
         session.phase = Phase.LOBBY
         session.seats.free(0)
+
+
+def needs_line(driver: str) -> bool:
+    """Return whether a driver follows the reference line; one that does not exist does not."""
+    try:
+        return wants_line(driver_named(driver).preset)
+    except DriverError:  # it is out before the start
+        return False

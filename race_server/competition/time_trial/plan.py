@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from race_server.competition.pool import Report, Work, is_ready, run_all
 from race_server.competition.time_trial.draw import Drawn, draw_trial
 from race_server.competition.time_trial.figures import Loss, TrialSummary, losses_of, rows_of
 from race_server.competition.time_trial.gaps import DECISION_S, Gap
 from race_server.competition.time_trial.ghost import Ghost, ghost_of, sector_deltas
 from race_server.competition.time_trial.lap import TrialLap
 from race_server.competition.time_trial.limits import LapLimits, limits_of, trace_of_line
-from race_server.competition.time_trial.pool import Report, is_ready, run_all
-from race_server.competition.time_trial.run import Run
+from race_server.competition.time_trial.run import Run, drive_run, lost_run
 from race_server.competition.time_trial.run_spec import RunSpec, task_of
 from race_server.competition.time_trial.save import RunLog
 from race_server.competition.time_trial.table import lap_rows
@@ -21,6 +21,7 @@ from race_server.envs.batch import Batch
 from race_server.scenario.track.load import load_course
 
 Place = tuple[str, str]  # track and vehicle
+RUNS = Work(drive_run, lost_run)
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class Trial:
 
     def drive(self, log: RunLog, report: Report) -> None:
         """Drive the runs and save each as it finishes; Ctrl-C stops the trial."""
-        outcomes = run_all(self.plan.specs, self.plan.jobs, report)
+        outcomes = run_all(RUNS, self.plan.specs, self.plan.jobs, report)
         try:
             for number, run in outcomes:
                 self.runs[number] = run

@@ -85,6 +85,11 @@ def drive_run(spec: RunSpec, tell: Tell = lambda _: None, make: Make = driver_na
     return attempt.outcome(started_at, remark, failed=failed)
 
 
+def lost_run(spec: RunSpec, started_at: str, remark: str) -> Run:
+    """Return the outcome of a run whose process was lost."""
+    return Run(spec, started_at, remark=remark, failed=True)
+
+
 def _in_words(error: BaseException) -> str:
     lines = str(error).splitlines()
     return f"{type(error).__name__}: {lines[0][:200]}" if lines else type(error).__name__

@@ -1,4 +1,4 @@
-"""Runs in parallel processes, so that a driver can break no run but its own.
+"""Tasks of drivers in parallel processes, so that a driver can break no task but its own.
 
 A pool of the standard library breaks as a whole when one of its processes dies, and cannot end one
 that is stuck in machine code.
@@ -14,10 +14,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
-from race_server.competition.time_trial.run import START_LIMIT_S, Run, Tell, drive_run, now
-from race_server.competition.time_trial.run_spec import RunSpec
+from race_server.competition.time_trial.run import START_LIMIT_S, Tell, now
 from race_server.core.kernels.jit import kernel_cache
 
 # A process that is silent for longer than the limit of its driver and this time is killed [s].
@@ -25,30 +24,52 @@ SLACK_S = 8.0
 # The same before its first message: it may have to compile the simulation [s].
 PREPARATION_S = 600.0
 
-# What a run tells in place of its laps, before it begins: it solves the limit of its course.
+# What a task tells in place of its laps, before it begins: it solves the limit of its course.
 SOLVING = -1
 
-Drive = Callable[[RunSpec, Tell], Run]
-Report = Callable[[int, int], None]  # number of a run, laps driven so far or SOLVING
+Report = Callable[[int, int], None]  # number of a task, laps driven so far or SOLVING
+
+
+class Task(Protocol):
+    """What one process does at a time."""
+
+    @property
+    def decision_limit_s(self) -> float:
+        """If it tells nothing for this time [s], it has stalled."""
+
+
+Spec = TypeVar("Spec", bound=Task)
+Outcome = TypeVar("Outcome")
+
+
+@dataclass(frozen=True)
+class Work(Generic[Spec, Outcome]):
+    """How a task is done, and what is said of one whose process was lost, or that raised.
+
+    lost: is given the task, when it began, and why, in words.
+    """
+
+    drive: Callable[[Spec, Tell], Outcome]
+    lost: Callable[[Spec, str, str], Outcome]
 
 
 @dataclass
 class _Worker:
     process: Any
     pipe: Connection
-    number: int = -1  # of the run that it drives
+    number: int = -1  # of the task that it does
     deadline: float = 0.0
     laps: int = -1
     begun_at: str = field(default_factory=now)
 
 
 def run_all(
-    specs: Sequence[RunSpec],
+    work: Work[Spec, Outcome],
+    specs: Sequence[Spec],
     jobs: int = 0,
     report: Report = lambda _number, _laps: None,
-    drive: Drive = drive_run,
-) -> Generator[tuple[int, Run], None, None]:
-    """Yield number and outcome of each run as it finishes.
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Yield number and outcome of each task as it finishes.
 
     jobs: parallel processes; 0: one for each core. Closing the iterator early, as Ctrl-C does, ends
     the processes.
@@ -59,12 +80,12 @@ def run_all(
     try:
         while todo or workers:
             while todo and len(workers) < jobs:
-                workers.append(_assign(_start(drive), todo.popleft(), specs))
+                workers.append(_assign(_start(work), todo.popleft(), specs))
             for worker in _polled(workers):
-                run = _receive(worker, specs, report)
-                if run is None:
+                outcome = _receive(worker, work, specs[worker.number], report)
+                if outcome is None:
                     continue
-                yield worker.number, run
+                yield worker.number, outcome
                 if todo and worker.process.is_alive():
                     _assign(worker, todo.popleft(), specs)
                 else:
@@ -81,20 +102,20 @@ def is_ready() -> bool:
     return any(kernel_cache().rglob("decide.decide*.nbc"))
 
 
-def _start(drive: Drive) -> _Worker:
+def _start(work: Work[Spec, Outcome]) -> _Worker:
     methods = multiprocessing.get_all_start_methods()
     # A server that has imported the simulation once forks processes that are ready at once.
     context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else None)
     if "forkserver" in methods:
         context.set_forkserver_preload(["race_server.competition.time_trial.run"])
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs, drive), daemon=True)
+    process = context.Process(target=_work, args=(theirs, work), daemon=True)
     process.start()
     theirs.close()
     return _Worker(process, ours)
 
 
-def _assign(worker: _Worker, number: int, specs: Sequence[RunSpec]) -> _Worker:
+def _assign(worker: _Worker, number: int, specs: Sequence[Spec]) -> _Worker:
     worker.number, worker.laps, worker.begun_at = number, -1, now()
     worker.deadline = time.monotonic() + PREPARATION_S + START_LIMIT_S
     with contextlib.suppress(OSError):  # it has died: the next poll reports it
@@ -109,34 +130,37 @@ def _polled(workers: Sequence[_Worker]) -> list[_Worker]:
     return [w for w in workers if w.pipe in ready or w.deadline < late]
 
 
-def _receive(worker: _Worker, specs: Sequence[RunSpec], report: Report) -> Run | None:
-    """Return the outcome of a worker's run, None while it goes on."""
-    spec = specs[worker.number]
+def _receive(
+    worker: _Worker, work: Work[Spec, Outcome], spec: Spec, report: Report
+) -> Outcome | None:
+    """Return the outcome of a worker's task, None while it goes on."""
     if not worker.pipe.poll():
         worker.process.kill()
         worker.process.join()
-        return _lost(worker, spec, "stuck in machine code, its process was ended")
+        return _lost(worker, work, spec, "stuck in machine code, its process was ended")
     try:
         message = worker.pipe.recv()
     except (EOFError, OSError):
         worker.process.join()
-        return _lost(worker, spec, f"its process died ({_exit_words(worker.process.exitcode)})")
-    if isinstance(message, Run):
-        return message
+        why = f"its process died ({_exit_words(worker.process.exitcode)})"
+        return _lost(worker, work, spec, why)
+    if not isinstance(message, int):
+        outcome: Outcome = message
+        return outcome
     if message == SOLVING:
         limit_s = PREPARATION_S + START_LIMIT_S
     else:
         # The first decision has the time limit of the start.
         limit_s = START_LIMIT_S if worker.laps < 0 else spec.decision_limit_s
     worker.deadline = time.monotonic() + limit_s + SLACK_S
-    worker.laps = int(message)
+    worker.laps = message
     report(worker.number, worker.laps)
     return None
 
 
-def _lost(worker: _Worker, spec: RunSpec, remark: str) -> Run:
+def _lost(worker: _Worker, work: Work[Spec, Outcome], spec: Spec, why: str) -> Outcome:
     laps = f"after {max(worker.laps, 0)} laps: " if worker.laps > 0 else ""
-    return Run(spec, worker.begun_at, remark=f"{laps}{remark}", failed=True)
+    return work.lost(spec, worker.begun_at, f"{laps}{why}")
 
 
 def _exit_words(code: int | None) -> str:
@@ -152,8 +176,8 @@ def _end(worker: _Worker) -> None:
     worker.process.join()
 
 
-def _work(pipe: Connection, drive: Drive) -> None:
-    """Drive one run after another."""
+def _work(pipe: Connection, work: Work[Spec, Outcome]) -> None:
+    """Do one task after another."""
     # Ctrl-C is for the parent process, which ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Output of a driver must not mix with the JSON document on stdout.
@@ -162,7 +186,7 @@ def _work(pipe: Connection, drive: Drive) -> None:
     with contextlib.suppress(EOFError, OSError):
         while (spec := pipe.recv()) is not None:
             try:
-                run = drive(spec, pipe.send)
+                outcome = work.drive(spec, pipe.send)
             except Exception as error:
-                run = Run(spec, now(), remark=f"{type(error).__name__}: {error}", failed=True)
-            pipe.send(run)
+                outcome = work.lost(spec, now(), f"{type(error).__name__}: {error}")
+            pipe.send(outcome)

@@ -1,0 +1,185 @@
+"""`race exam races`: how drivers race one another on courses that they have never seen."""
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from race_agents.commands.exam_laps import MOST_TOLD, editions_of
+from race_server.cli.document import AsJson, print_document
+from race_server.cli.option_fields import expand_options
+from race_server.cli.options import MOST_LAPS, Unfit, drivers_for
+from race_server.core.seeds import HELD_OUT
+from race_server.pictures import check_picture
+from race_server.terminal import Console, TextColumn
+
+if TYPE_CHECKING:
+    from race_server.competition.race_exam import RaceOutcome, RaceRow, RaceTask
+
+DRIVERS = ("learned:race", "learned:full", "raceline", "idm", "follow_gap", "tentacles")
+
+
+@dataclass(frozen=True)
+class RaceOptions:
+    """All options of `race exam races`."""
+
+    drivers: Annotated[
+        str,
+        typer.Option(
+            "--drivers",
+            "--driver",
+            help="Comma-separated installed drivers, one kart each; a name may stand there twice. "
+            f"Default: those of {','.join(DRIVERS)} that are made for the vehicle.",
+        ),
+    ] = ""
+    unfit: Unfit = False
+    races: Annotated[int, typer.Option(min=1, help="Races. Each has another grid.")] = 40
+    courses: Annotated[
+        int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
+    ] = 20
+    first_seed: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Seed of the first course and of the first race; the next ones count up from it. "
+            "No training draws the default's.",
+        ),
+    ] = HELD_OUT + 1
+    folder: Annotated[
+        Path | None,
+        typer.Option(help="Race on the course files (.toml) of this folder; none is drawn."),
+    ] = None
+    vehicle: Annotated[
+        str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
+    ] = "tt02"
+    laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps of each race.")] = 5
+    items: Annotated[bool, typer.Option(help="Race with items.")] = True
+    finish_limit_s: Annotated[
+        float,
+        typer.Option(
+            "--finish-limit",
+            min=0.0,
+            help="A kart that comes home later than this after the winner [s] has not finished; "
+            "0: no such limit, and 15 minutes for the race.",
+        ),
+    ] = 0.0
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw ratings and finishes into this .png or .svg file.")
+    ] = None
+    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
+    as_json: AsJson = False
+
+
+@expand_options
+def races(options: RaceOptions) -> None:
+    """Let drivers race one another on unseen courses: who comes home, in which place, how strong.
+
+    Each driver starts once from each place of the grid. Ratings are Plackett-Luce with bounds of
+    95 %. Finished races are kept: an exam that was stopped goes on with the next one.
+    """
+    from race_server.competition.lap_exam import courses_in, drawn_courses
+    from race_server.competition.race_exam import RaceTask, race_rows, tasks_of
+    from race_server.core.vehicle_presets import vehicle_named
+
+    vehicle = vehicle_named(options.vehicle)
+    drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
+    if options.plot is not None:
+        check_picture(options.plot)
+    courses = (
+        courses_in(options.folder)
+        if options.folder is not None
+        else drawn_courses(options.courses, options.first_seed, vehicle)
+    )
+    like = RaceTask(
+        *("", (), 0, options.vehicle, options.laps, options.items, options.finish_limit_s)
+    )
+    tasks = tasks_of(drivers, courses, options.races, options.first_seed, like)
+    console, begun = Console(stderr=True), time.monotonic()
+    outcomes, stopped = _hold(tasks, drivers, options.jobs, console, quiet=options.as_json)
+    rows = race_rows(outcomes)
+    if options.as_json:
+        seconds = round(time.monotonic() - begun, 1)
+        document = {"rows": [asdict(row) for row in rows]}
+        document |= {"races": [asdict(outcome) for outcome in outcomes]}
+        print_document(document | {"stopped": stopped, "wall_s": seconds})
+    else:
+        _show(rows, outcomes)
+    if options.plot is not None and rows:
+        from race_server.competition.race_picture import draw_ratings
+
+        draw_ratings(rows, options.plot)
+    if stopped:
+        console.print("stopped: these are the races that were finished", style="yellow")
+        sys.exit(130)
+
+
+def _hold(
+    tasks: "Sequence[RaceTask]",
+    drivers: Sequence[str],
+    jobs: int,
+    console: Console,
+    *,
+    quiet: bool,
+) -> "tuple[list[RaceOutcome], bool]":
+    """Return the races in their order, and whether they were stopped."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    from race_server.competition.race_exam import hold_races
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    hidden = quiet or not console.is_terminal
+    outcomes: list[RaceOutcome] = []
+    stopped = False
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
+    ) as bar:
+
+        def watch(words: str) -> None:
+            bar.update(task, description=words)
+
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=len(tasks))
+        try:
+            for outcome in hold_races(tasks, jobs, editions_of(drivers), watch):
+                outcomes.append(outcome)
+                bar.update(task, advance=1)
+        except KeyboardInterrupt:
+            stopped = True
+    return sorted(outcomes, key=lambda outcome: outcome.task.seed), stopped
+
+
+def _show(rows: "Sequence[RaceRow]", outcomes: "Sequence[RaceOutcome]") -> None:
+    from rich.table import Table
+
+    table = Table()
+    table.add_column("driver", no_wrap=True)
+    heads = ("rating", "95 %", "mean place", "wins", "starts", "finished", "95 %")
+    for head in (*heads, "walls", "karts", "rescues", "wrong way"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for row in rows:
+        low, high = row.finish_interval
+        counts = (row.wall_contacts, row.kart_contacts, row.rescues, row.wrong_way)
+        table.add_row(
+            *(row.driver, f"{row.rating:.2f}"),
+            "{:.2f}-{:.2f}".format(*row.rating_interval),
+            *(f"{row.mean_place:.2f} ± {row.place_error:.2f}", str(row.wins), str(row.starts)),
+            *(f"{100.0 * row.finish_rate:.1f} %", f"{100.0 * low:.1f}-{100.0 * high:.1f} %"),
+            *map(str, counts),
+        )
+    console = Console()
+    # Wider than the terminal if necessary, so that no figure is cut off.
+    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
+    console.print(table)
+    home = sum(kart.has_finished for outcome in outcomes for kart in outcome.karts)
+    all_karts = sum(len(outcome.karts) for outcome in outcomes)
+    console.print(f"{home} of {all_karts} karts finished", highlight=False)
+    for row in rows:
+        for where, why in list(row.retired.items())[:MOST_TOLD]:
+            console.print(f"{row.driver}: {where}: {why}", style="yellow", highlight=False)
+    for outcome in outcomes:
+        if outcome.failure:
+            words = f"{outcome.task.course} seed {outcome.task.seed}: {outcome.failure}"
+            console.print(words, style="red", highlight=False)
