@@ -6,6 +6,7 @@ It needs Python's own library and nothing of the race server.
 """
 
 import json
+import signal
 import sys
 import time
 import urllib.error
@@ -62,6 +63,8 @@ def show(table: dict) -> None:
 
 def main() -> None:
     """Show the board until the race is over."""
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly with the reader of a pipe
     address = sys.argv[1] if len(sys.argv) > 1 else "http://127.0.0.1:8080"
     token = sys.argv[2] if len(sys.argv) > 2 else ""
     while True:

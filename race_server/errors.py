@@ -120,5 +120,6 @@ def brought_by(extra: str) -> Iterator[None]:
     except ImportError as error:
         missing = (error.name or "a package").split(".")[0]
         raise ScenarioError(
-            f"{missing} is not installed: `pip install race-server[{extra}]` brings it"
+            f"{missing} is not installed: `pip install race-server[{extra}]` brings it, or in a "
+            "clone `make setup`"
         ) from error

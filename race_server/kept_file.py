@@ -15,12 +15,14 @@ def check_place(path: Path) -> None:
     """Check, before what it is to hold is worked out, that there is a place for a file.
 
     Raises:
-        ScenarioError: it is a folder, or its folder does not exist.
+        ScenarioError: it is a folder, or its folder does not exist or takes no files.
     """
     if path.is_dir():
         raise ScenarioError(f"{path}: is a folder; name a file")
     if not path.absolute().parent.is_dir():
         raise ScenarioError(f"{path}: its folder does not exist; make it first")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise ScenarioError(f"{path}: cannot be written here; name another folder")
 
 
 def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:

@@ -12,11 +12,15 @@ from typing import Any
 import rich.console
 import rich.progress
 from rich.console import ConsoleOptions, RenderableType
+from rich.measure import Measurement
 from rich.segment import Segment
 from rich.status import Status
 from rich.text import Text
 
 from race_server.printable import printable
+
+# Of the widest table.
+MOST_COLUMNS = 1000
 
 
 class Console(rich.console.Console):
@@ -35,6 +39,12 @@ class Console(rich.console.Console):
                 yield segment
             else:
                 yield Segment(_lines(segment.text), segment.style)
+
+    def print_whole(self, table: RenderableType) -> None:
+        """Print tables, wider than the terminal if necessary, so that nothing is cut off."""
+        boundless = self.options.update(max_width=MOST_COLUMNS)
+        self.width = max(self.width, Measurement.get(self, boundless, table).maximum)
+        self.print(table)
 
     def status(self, status: RenderableType, **options: Any) -> Status:
         """Return a spinner beside a text, which rich would take for markup."""

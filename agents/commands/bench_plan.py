@@ -114,6 +114,5 @@ def _show_drives(driven: "Driven") -> None:
 def _print(table: Table) -> Console:
     """Print a table wider than the terminal if necessary, so that no figure is cut off."""
     console = Console()
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     return console

@@ -25,7 +25,11 @@ def demonstrate(
     ] = "covapsy-train-2023",
     laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps on each track.")] = 5,
     vehicle: Annotated[
-        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
+        str,
+        typer.Option(
+            help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60, car; an unknown name "
+            "lists all."
+        ),
     ] = "tt02",
     seed: Annotated[
         int, typer.Option(min=0, max=MOST_SEED, help="Seed of sensors, start and noise.")

@@ -303,9 +303,7 @@ def _show(results: Sequence[Result]) -> None:
             _figure(tally.direction_changes_mean, 2),
         )
     console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     for result in results:
         for ending, seeds in result.failed_seeds().items():
             told = ", ".join(map(str, seeds[:MOST_TOLD])) + (", …" * (len(seeds) > MOST_TOLD))

@@ -32,7 +32,7 @@ Drivers = Annotated[
     typer.Option(
         "--drivers",
         "--driver",
-        help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
+        help=f"Comma-separated installed drivers. Default: those of {', '.join(DRIVERS)} that "
         "are made for the vehicle.",
     ),
 ]
@@ -202,9 +202,7 @@ def _show(rows: "Sequence[LapRow]") -> None:
             *(str(row.contacts), str(row.rescues)),
         )
     console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     for row in rows:
         who = row.driver if row.gap == "none" else f"{row.driver} ({row.gap})"
         if row.not_clean:

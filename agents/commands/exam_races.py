@@ -33,7 +33,7 @@ class RaceOptions:
             "--drivers",
             "--driver",
             help="Comma-separated installed drivers, one kart each; a name may stand there twice. "
-            f"Default: those of {','.join(DRIVERS)} that are made for the vehicle.",
+            f"Default: those of {', '.join(DRIVERS)} that are made for the vehicle.",
         ),
     ] = ""
     unfit: Unfit = False
@@ -170,9 +170,7 @@ def _show(rows: "Sequence[RaceRow]", outcomes: "Sequence[RaceOutcome]") -> None:
             *map(str, counts),
         )
     console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     home = sum(kart.has_finished for outcome in outcomes for kart in outcome.karts)
     all_karts = sum(len(outcome.karts) for outcome in outcomes)
     console.print(f"{home} of {all_karts} karts finished", highlight=False)

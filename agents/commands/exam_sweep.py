@@ -113,9 +113,7 @@ def _show(rows: "Sequence[SweepRow]", drivers: Sequence[str]) -> None:
         cells = (_in_words(found.get(driver)) for driver in drivers)
         table.add_row(f"{factor} [{unit}]", *cells)
     console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     for row in rows:
         for remark in dict.fromkeys(remark for one in row.steps for remark in one["remarks"]):
             console.print(f"{row.driver}, {row.factor}: {remark}", style="yellow", highlight=False)

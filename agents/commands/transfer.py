@@ -138,15 +138,14 @@ def _drive_in_traffic(
         heads = ("clean laps", "× limit", "touched walls", "karts", "overtakes")
         for head in heads:
             table.add_column(head, justify="right", no_wrap=True)
-        table.add_column("remark")
+        table.add_column("remark", no_wrap=True)
         for row in rows:
             pairs = zip(_traffic_cells(row.here), _traffic_cells(row.there), strict=True)
             cells = [f"{here} | {there}" for here, there in pairs]
             remark = row.there["remark"] or row.here["remark"]
             table.add_row(f"{row.driver}, {row.track}", *cells, remark)
         wide = Console()
-        wide.width = max(wide.width, table.__rich_measure__(wide, wide.options).maximum)
-        wide.print(table)
+        wide.print_whole(table)
     if stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)
@@ -203,9 +202,7 @@ def _show(rows: "list[TransferRow]") -> None:
         cells = [_in_words(one) for one in (*row.ladder, *single)]
         table.add_row(f"{row.driver}, {row.track}", *cells, row.factor or "-", row.mends or "-")
     console = Console()
-    # Wider than the terminal if necessary, so that no figure is cut off.
-    console.width = max(console.width, table.__rich_measure__(console, console.options).maximum)
-    console.print(table)
+    console.print_whole(table)
     console.print("clean laps, and the median lap over the limit of its track", highlight=False)
     for rung in RUNGS:
         console.print(f"{rung.name}: {rung.meaning}", style="dim", highlight=False)

@@ -104,7 +104,7 @@ def _show(figures: dict[str, Any], *, as_json: bool) -> None:
     table = Table("figure", "value")
     for name, value in _flat(figures):
         table.add_row(name, f"{value:,}" if isinstance(value, int) else str(value))
-    Console().print(table)
+    Console().print_whole(table)
 
 
 def _flat(figures: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

@@ -13,7 +13,6 @@ from rich.text import Text
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
-from race_server.core.messages import Phase
 from race_server.errors import RaceError
 from race_server.terminal import Console, say
 
@@ -111,7 +110,7 @@ def watch(
                 view = stack.enter_context(FoxgloveServer(link, spectator, given.session, foxglove))
                 say(f"Foxglove: open {view.address} as a Foxglove WebSocket")
             live = stack.enter_context(Live(console=Console(), refresh_per_second=8))
-            while spectator.standings is None or spectator.standings.phase is not Phase.FINISHED:
+            while (final := spectator.final) is None:
                 live.update(board_of(spectator, given.session, items))
                 time.sleep(0.12)
                 if spectator.silence_s() > timeout_s and not spectator.refresh():
@@ -119,4 +118,4 @@ def watch(
                     raise RaceError(
                         f"the server at {given.address} has stopped: no message for {silent:.0f} s"
                     )
-            live.update(board_of(spectator, given.session, items))
+            live.update(board_of(spectator, given.session, items, final))

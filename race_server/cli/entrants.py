@@ -57,4 +57,4 @@ def list_entrants(as_json: AsJson = False) -> None:
     table = Table("number", "name", box=None, header_style="dim underline", pad_edge=False)
     for number, name in rows:
         table.add_row(str(number), name)
-    Console().print(table)
+    Console().print_whole(table)

@@ -118,10 +118,7 @@ def list_events(record: Record = "", as_json: AsJson = False) -> None:
         figures = (str(row["drivers"]), str(row["driven"]), final)
         table.add_row(when, state.format.name, *figures, path.name)
     console = Console()
-    # Wider than the terminal if necessary: `race event show` takes the name of a file.
-    boundless = console.options.update(max_width=1000)
-    console.width = max(console.width, table.__rich_measure__(console, boundless).maximum)
-    console.print(table)
+    console.print_whole(table)
 
 
 def _file_of(event: str, record: str) -> Path:

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 def limit(
     track: Course,
     vehicle: Annotated[
-        str, typer.Option(help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car.")
+        str,
+        typer.Option(
+            help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60, car; an unknown name "
+            "lists all."
+        ),
     ] = "tt02",
     speed_cap: Annotated[
         float | None,
@@ -74,7 +78,7 @@ def _show(found: "Limit", title: str) -> None:
             f"{line.speed.max():.2f}",
             str(sum(zone.what == "brake" for zone in line.zones)),
         )
-    Console().print(table)
+    Console().print_whole(table)
     say(
         f"solved in {found.solve_s:.2f} s"
         if found.solve_s

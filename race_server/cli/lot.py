@@ -39,22 +39,23 @@ def list_lots(as_json: AsJson = False) -> None:
     if as_json:
         print_document(rows)
         return
-    table = Table("name", "title", "vehicle")
+    table = Table("name", "vehicle", header_style="dim underline", box=None, pad_edge=False)
     for column in ("size [m]", "slots", "taken", "blocks", "people"):
         table.add_column(column, justify="right")
+    table.add_column("title")
     for row in rows:
         fewest, most = row["blocks"]
         table.add_row(
             row["name"],
-            row["title"],
             row["vehicle"],
-            f"{row['size_m'][0]:g} × {row['size_m'][1]:g}",
-            str(row["slots"] or "in a zone"),
+            f"{row['size_m'][0]:g}×{row['size_m'][1]:g}",
+            str(row["slots"] or "zone"),
             f"{row['taken']:.0%}",
-            f"{fewest} – {most}" if most else "–",
+            f"{fewest}–{most}" if most else "–",
             str(row["people"] or "–"),
+            row["title"],
         )
-    Console().print(table)
+    Console().print_whole(table)
 
 
 @app.command()

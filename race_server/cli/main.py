@@ -1,5 +1,6 @@
 """`race`: the command line. An error is one line on stderr and exit code 2."""
 
+import shutil
 import sys
 import traceback
 from importlib.metadata import entry_points
@@ -35,6 +36,9 @@ from race_server.cli import (
 from race_server.errors import RaceError
 from race_server.terminal import say, take_any_letter
 from race_server.version import __version__
+
+# Columns of a terminal from which the help's five columns hold the longest words.
+WIDE = 120
 
 app = typer.Typer(
     name="race",
@@ -101,17 +105,23 @@ for point in entry_points(group="race_server.commands"):
 def command_line() -> Any:
     """Return the command `race`, whose help is shown as it is written.
 
-    Typer takes help texts for markup of rich, which drops a unit such as [m].
+    Typer takes help texts for markup of rich, which drops a unit such as [m]. In a narrow terminal
+    its columns cut off what does not fit, such as a path, so there help has two columns, and none.
     """
+    is_narrow = shutil.get_terminal_size().columns < WIDE
 
-    def escape_in(command: Any) -> None:
-        for one in (command, *command.params):
-            one.help = escape(one.help or "")
+    def show_as_written(command: Any) -> None:
+        if is_narrow:
+            command.rich_markup_mode = None
+            command.short_help = (command.help or "").partition("\n\n")[0]
+        else:
+            for one in (command, *command.params):
+                one.help = escape(one.help or "")
         for inner in getattr(command, "commands", {}).values():
-            escape_in(inner)
+            show_as_written(inner)
 
     command = typer.main.get_command(app)
-    escape_in(command)
+    show_as_written(command)
     return command
 
 

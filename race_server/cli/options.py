@@ -12,7 +12,13 @@ from race_server.errors import ScenarioError
 # More would be days of driving, or no number that a world keeps.
 MOST_LAPS = 100_000
 
-Track = Annotated[str, typer.Option(help="Course to race on: a name from `race track list`.")]
+Track = Annotated[
+    str,
+    typer.Option(
+        help="Course to race on: a name from `race track list`, a .toml file, or a generated "
+        "course such as generated:spline:SEED."
+    ),
+]
 Course = Annotated[
     str,
     typer.Argument(
@@ -22,7 +28,11 @@ Course = Annotated[
 ]
 VehicleName = Annotated[
     str,
-    typer.Option("--vehicle", help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car."),
+    typer.Option(
+        "--vehicle",
+        help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60, car; an unknown name lists "
+        "all.",
+    ),
 ]
 Unfit = Annotated[
     bool,

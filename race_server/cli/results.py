@@ -81,7 +81,7 @@ def list_races(
             lap_text(row["best_lap_us"]),
             _winner(row),
         )
-    Console().print(table)
+    Console().print_whole(table)
 
 
 @app.command()
@@ -96,7 +96,7 @@ def best(track: Track = "", results: Results = "", as_json: AsJson = False) -> N
     table = _table(("track", "vehicle", "driver"), ("best lap", "clean lap", "laps", "race"))
     for row in rows:
         table.add_row(
-            _edition(row, rows),
+            edition_of(row, rows),
             row["vehicle"],
             row["driver"],
             lap_text(row["best_lap_us"]),
@@ -104,13 +104,15 @@ def best(track: Track = "", results: Results = "", as_json: AsJson = False) -> N
             str(row["laps"]),
             str(row["race"]),
         )
-    Console().print(table)
+    Console().print_whole(table)
 
 
-def _edition(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+def edition_of(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
     """Return the name of a track, with its digest if the file has several of that name."""
     digests = {other["track_digest"] for other in rows if other["track"] == row["track"]}
-    return row["track"] if len(digests) == 1 else f"{row['track']} {row['track_digest'][:8]}"
+    # Behind a plus is the digest of the obstacles on it.
+    parts = [part[:8] for part in row["track_digest"].split("+")]
+    return row["track"] if len(digests) == 1 else f"{row['track']} {'+'.join(parts)}"
 
 
 @app.command("export")
@@ -141,4 +143,4 @@ def ratings(results: Results = "", as_json: AsJson = False) -> None:
     for row in rows:
         figures = (f"{row.mu:.2f}", f"{row.sigma:.2f}", f"{row.ordinal:.2f}", str(row.races))
         table.add_row(row.driver, *figures)
-    Console().print(table)
+    Console().print_whole(table)

@@ -20,11 +20,15 @@ VALET = "valet"
 PACES = ("real", "lockstep")
 
 
+# The course of a race that names none.
+TRACK = "covapsy-train-2023"
+
+
 @dataclass(frozen=True)
 class RaceOptions:
     """Which race is driven, and what is kept of it."""
 
-    track: Track = "covapsy-train-2023"
+    track: Track = TRACK
     lot: Annotated[
         str,
         typer.Option(
@@ -42,8 +46,8 @@ class RaceOptions:
     vehicle: Annotated[
         str,
         typer.Option(
-            help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60 or car. Default: tt02, with "
-            "--lot the one that the car park is made for."
+            help="Vehicle: tt02, tt02-drift, kart-13, kart-30, kart-60, car; an unknown name lists "
+            "all. Default: tt02, with --lot the one that the car park is made for."
         ),
     ] = ""
     format: Annotated[
@@ -61,7 +65,10 @@ class RaceOptions:
         ),
     ] = ""
     attempts: Annotated[
-        int, typer.Option(min=0, help="With --format time-trial: attempts of each driver.")
+        int,
+        typer.Option(
+            min=0, help="With --format time-trial: attempts of each driver; 0: as it says."
+        ),
     ] = 0
     start: Annotated[
         str,
@@ -72,7 +79,9 @@ class RaceOptions:
     ] = ""
     attempt_limit: Annotated[
         float,
-        typer.Option(min=0.0, help="With --format time-trial: seconds for an attempt."),
+        typer.Option(
+            min=0.0, help="With --format time-trial: seconds for an attempt; 0: as it says."
+        ),
     ] = 0.0
     cool_down: Annotated[
         float,
@@ -109,6 +118,15 @@ class RaceOptions:
             "$RACE_SERVER_RECORDINGS, else ~/.local/share/race-server/recordings."
         ),
     ] = ""
+
+    def __post_init__(self) -> None:
+        """Check what names the place.
+
+        Raises:
+            ScenarioError: there are two.
+        """
+        if self.lot and self.track != TRACK:
+            raise ScenarioError(f"--lot {self.lot} and --track {self.track}: leave one out")
 
     @property
     def place(self) -> str:

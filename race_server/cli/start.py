@@ -29,7 +29,7 @@ class StartOptions(RaceOptions):
         str,
         typer.Option(
             help=f"Comma-separated drivers, repeated until every seat is filled. Default: those of "
-            f"{','.join(DRIVERS)} that are made for the vehicle, with --lot {VALET}."
+            f"{', '.join(DRIVERS)} that are made for the vehicle, with --lot {VALET}."
         ),
     ] = ""
     unfit: Unfit = False

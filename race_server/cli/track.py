@@ -28,20 +28,21 @@ def list_tracks(as_json: AsJson = False) -> None:
     if as_json:
         print_document(rows)
         return
-    table = Table("name", "title")
-    for column in ("length [m]", "width [m]", "sectors", "grid places", "item boxes"):
+    table = Table("name", header_style="dim underline", box=None, pad_edge=False)
+    for column in ("length [m]", "width [m]", "sectors", "places", "boxes"):
         table.add_column(column, justify="right")
+    table.add_column("title")
     for row in rows:
         table.add_row(
             row["name"],
-            row["title"],
             f"{row['length_m']:.1f}",
-            f"{row['width_min_m']:.2f} – {row['width_max_m']:.2f}",
+            f"{row['width_min_m']:.2f}–{row['width_max_m']:.2f}",
             str(row["sectors"]),
             str(row["grid_places"]),
             str(row["item_spots"]),
+            row["title"],
         )
-    Console().print(table)
+    Console().print_whole(table)
 
 
 @app.command()

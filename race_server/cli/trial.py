@@ -36,7 +36,7 @@ class TrialOptions:
         typer.Option(
             "--drivers",
             "--driver",
-            help=f"Comma-separated installed drivers. Default: those of {','.join(DRIVERS)} that "
+            help=f"Comma-separated installed drivers. Default: those of {', '.join(DRIVERS)} that "
             "are made for the vehicles.",
         ),
     ] = ""
@@ -93,8 +93,8 @@ class TrialOptions:
     ghost: Annotated[
         str,
         typer.Option(
-            help="Lap to compare with: best, RACE/LAP of the results file, or a .csv file written "
-            "by --save-lap. Default: the reference limit."
+            help="Lap to compare with: best, RACE/LAP or RACE/SEAT/LAP of the results file, or a "
+            ".csv file written by --save-lap. Default: the reference limit."
         ),
     ] = ""
     plot: Annotated[
@@ -278,7 +278,7 @@ def _show(done: "Trial", beside: tuple[str, ...], *, as_json: bool) -> None:
 
     console = Console()
     gaps = {gap.name: gap.words() for gap in done.plan.gaps}
-    console.print(tables_of(done.rows, gaps))
+    console.print_whole(tables_of(done.rows, gaps))
     if done.losses:
         console.print(loss_tables(done.losses))
     for place, ghost in done.ghosts.items():

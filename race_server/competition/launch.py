@@ -27,6 +27,7 @@ from race_server.live.client.leaderboard import Headline, event_text, leaderboar
 from race_server.live.client.spectator import Spectator
 from race_server.logs import last_words
 from race_server.net.transport import ClientLink
+from race_server.net.wire.spectate import StandingsFrame
 from race_server.terminal import Console
 
 # Lines of events under the leaderboard.
@@ -309,12 +310,14 @@ def _show(
             time.sleep(0.12)
 
 
-def board_of(watcher: Spectator, session: str, items: Sequence[str]) -> Group:
-    """Return the leaderboard with the newest events below it."""
-    frame = watcher.standings
+def board_of(
+    watcher: Spectator, session: str, items: Sequence[str], final: StandingsFrame | None = None
+) -> Group:
+    """Return the leaderboard with the newest events below it. final: of a race that has ended."""
+    frame = final or watcher.standings
     if frame is None:
         return Group(Text("waiting for the server"))
-    snapshot = watcher.snapshot()
+    snapshot = None if final else watcher.snapshot()
     tick = snapshot.tick if snapshot else frame.tick
     headline = Headline(
         session,
@@ -330,7 +333,7 @@ def board_of(watcher: Spectator, session: str, items: Sequence[str]) -> Group:
     told = [text for event in watcher.events if (text := _line(event, names, items))]
     lines = [Text(text, style="dim") for text in told[-_EVENT_LINES:]]
     age = watcher.age_s()
-    if age is not None:
+    if age is not None and final is None:
         style = "dim" if age < OLD_S else "bold red"
         lines.append(Text(f"as it was {1e3 * age:.0f} ms ago", style=style))
     return Group(leaderboard(headline, frame.rows), *lines)

@@ -1,7 +1,10 @@
 """What `--help` of each command prints."""
 
+import os
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import typer
@@ -17,7 +20,13 @@ def commands(command: Any, words: tuple[str, ...] = ("race",)) -> Iterator[tuple
 
 
 WRITTEN = dict(commands(typer.main.get_command(app)))
-SHOWN = dict(commands(command_line()))
+
+
+@cache
+def shown_at(columns: str) -> dict[str, Any]:
+    """Return the commands as a terminal of this width shows them."""
+    with patch.dict(os.environ, COLUMNS=columns):
+        return dict(commands(command_line()))
 
 
 def without_spaces(text: str) -> str:
@@ -25,13 +34,14 @@ def without_spaces(text: str) -> str:
     return "".join(text.split())
 
 
+@pytest.mark.parametrize("columns", ["40", "80", "500"])
 @pytest.mark.parametrize("words", WRITTEN)
-def test_help_is_printed_as_it_is_written_with_all_units_in_brackets(
-    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_help_is_printed_as_it_is_written_with_all_units_in_brackets_however_wide(
+    words: str, columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "500")
-    command = SHOWN[words]
-    command.get_help(command.make_context(words, [], resilient_parsing=True))
-    shown = without_spaces(capsys.readouterr().out)
+    monkeypatch.setenv("COLUMNS", columns)
+    command = shown_at(columns)[words]
+    text = command.get_help(command.make_context(words, [], resilient_parsing=True))
+    shown = without_spaces(text + capsys.readouterr().out)
     for one in (WRITTEN[words], *WRITTEN[words].params):
         assert without_spaces(one.help or "") in shown

@@ -143,6 +143,14 @@ def test_a_seed_of_2_to_the_63_is_refused_where_options_are_read(words: str) -> 
         assert "--first-seed 9223372036854775808: the last of" in str(told.exception)
 
 
+@pytest.mark.parametrize("command", ["start", "serve"])
+def test_a_race_is_on_a_course_or_in_a_car_park(command: str) -> None:
+    from race_server.cli.main import app
+
+    told = CliRunner().invoke(app, [command, "--lot", "gate", "--track", "oval"])
+    assert str(told.exception) == "--lot gate and --track oval: leave one out"
+
+
 @pytest.mark.parametrize(
     ("words", "within"),
     [

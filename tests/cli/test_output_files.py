@@ -15,6 +15,7 @@ PICTURES = (
     "trial --plot",
     "exam parking --plot",
     "exam laps --plot",
+    "exam races --plot",
     "exam sweep --plot",
     "day --sheet",
 )
@@ -44,6 +45,15 @@ def test_a_folder_is_no_file_to_write(words: str, tmp_path: Path) -> None:
     path = tmp_path / "folder.png"
     path.mkdir()
     assert refused(words, path) == f"{path}: is a folder; name a file"
+
+
+@pytest.mark.parametrize("words", [*PICTURES, *OTHERS])
+def test_a_folder_that_takes_no_file_is_refused(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("race_server.kept_file.os.access", lambda *_: False)
+    path = tmp_path / "file.png"
+    assert refused(words, path) == f"{path}: cannot be written here; name another folder"
 
 
 @pytest.mark.parametrize("words", PICTURES)

@@ -26,7 +26,7 @@ from race_server.net.wire.lobby import Join, encode_join
 from race_server.session import Session
 from race_server.terminal import Console
 from support.courses import TINY_RING
-from support.servers import LiveServer, running, waiting
+from support.servers import LiveServer, running, wait_until, waiting
 from support.sessions import session_on_ring
 
 pytestmark = pytest.mark.net
@@ -159,6 +159,20 @@ def test_a_late_spectator_gets_course_rules_standings_and_recent_events() -> Non
             assert snapshot is not None
             assert len(snapshot.karts) == 2
         live.server.stop()
+
+
+def test_a_spectator_keeps_the_end_of_a_race_when_the_next_one_opens() -> None:
+    with (
+        ServerLink(free_address(), "race", 2) as link,
+        running(
+            RaceServer(session_on_ring("race", karts=2), link, LOCKSTEP, NAMES), repeatedly=True
+        ) as live,
+        ClientLink(live.address, "race") as client,
+    ):
+        watcher = Spectator(client)
+        wait_until(lambda: watcher.final and live.server.session.epoch > 0)
+        assert watcher.final is not None
+        assert {row.status for row in watcher.final.rows} == {Status.FINISHED}
 
 
 class Faulty:

@@ -20,6 +20,7 @@ from race_server.net.auth.settings import (
     is_local,
     peer_settings,
 )
+from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 
 SEAT, OTHER, SPECTATOR, STEWARD = roles_of(2)
@@ -146,6 +147,22 @@ def test_an_address_that_others_can_reach_needs_keys(address: str, *, local: boo
     if not local:
         with pytest.raises(LinkError, match="without keys any of them could race"):
             check_listen_settings(ListenSettings(address, "race", 2))
+
+
+@pytest.mark.parametrize(
+    ("address", "right"),
+    [
+        ("127.0.0.1:7447", "write tcp/127.0.0.1:7447,"),
+        ("192.168.1.10", "write tcp/192.168.1.10:7447,"),
+        ("http/localhost:80", "'http/localhost:80' is no address"),
+        ("tcp/localhost", "tcp/localhost has no port"),
+    ],
+)
+def test_an_address_that_is_none_is_refused_with_what_to_write(address: str, right: str) -> None:
+    with pytest.raises(LinkError, match=right):
+        check_listen_settings(ListenSettings(address, "race", 2))
+    with pytest.raises(LinkError, match=right):
+        ClientLink(address, "race")
 
 
 # Badges

@@ -50,6 +50,16 @@ def test_only_the_steward_is_handed_the_token(keys: Path) -> None:
     assert read_client_keys(keys / "seat-0").address == "tls/10.0.0.7:7447"
 
 
+def test_a_folder_without_keys_is_refused_with_those_that_have_some(keys: Path) -> None:
+    roles = "seat-0, seat-1, server, spectator, steward"
+    with pytest.raises(KeysError, match=f"pass one in it: {roles}"):
+        read_client_keys(keys)
+    with pytest.raises(KeysError, match=f"pass one beside it: {roles}"):
+        read_client_keys(keys / "seat-3")
+    with pytest.raises(KeysError, match="pass a folder of `race keys new`"):
+        read_client_keys(keys / "seat-3" / "none")
+
+
 def test_keys_of_another_session_or_too_few_seats_are_refused(keys: Path) -> None:
     with pytest.raises(KeysError, match="are for session 'cup', not 'final'"):
         read_client_keys(keys / "seat-0", "final")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from race_server.cli.results import edition_of
 from race_server.errors import ResultsError
 from race_server.session.lap_log import Lap
 from race_server.storage.results.export import export
@@ -26,6 +27,16 @@ def two_tracks(path: Path) -> None:
         outcome("ann", "bob"),
     )
     fill(path, a_race("bob", "cid", track="oval"), Lap(0, 1, 70_000_000, (), True))
+
+
+def test_a_course_with_obstacles_is_told_from_the_same_without() -> None:
+    rows = [
+        {"track": "oval", "track_digest": digest}
+        for digest in ("bba1ef779218cb16", "bba1ef779218cb16+686ab355fa89202c")
+    ]
+    names = [edition_of(row, rows) for row in rows]
+    assert names == ["oval bba1ef77", "oval bba1ef77+686ab355"]
+    assert edition_of(rows[0], rows[:1]) == "oval"
 
 
 def test_races_are_listed_newest_first_by_track_driver_and_number(path: Path) -> None:

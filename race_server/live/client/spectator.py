@@ -4,7 +4,7 @@ import threading
 import time
 from functools import partial
 
-from race_server.core.messages import Event
+from race_server.core.messages import Event, Phase
 from race_server.errors import LinkError
 from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
@@ -33,6 +33,7 @@ class Spectator:
         self._lock = threading.Lock()
         self._view = RaceView(MAX_EVENTS)
         self._received_at = time.monotonic()
+        self._final: StandingsFrame | None = None
         for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LOT):
             link.listen(topic, partial(self._receive, topic))
         self._ask(topics.TABLE)
@@ -66,6 +67,11 @@ class Spectator:
     def standings(self) -> StandingsFrame | None:
         """The newest standings."""
         return self._view.standings
+
+    @property
+    def final(self) -> StandingsFrame | None:
+        """The standings of the race that ended last; the next one may have begun since."""
+        return self._final
 
     @property
     def lot(self) -> LotFrame | None:
@@ -108,3 +114,6 @@ class Spectator:
         with self._lock:
             now = self._received_at = time.monotonic()
             self._view.receive(topic, data, now)
+            standings = self._view.standings
+            if standings is not None and standings.phase is Phase.FINISHED:
+                self._final = standings

@@ -164,9 +164,7 @@ def _read(folder: Path, kind: type[Held]) -> Held:
         held = kind(folder=folder.resolve(), **row)
         expires = datetime.fromisoformat(held.expires)
     except OSError as error:
-        raise KeysError(
-            f"{path}: cannot be read ({error.strerror}); pass a folder of `race keys new`"
-        ) from error
+        raise KeysError(f"{path}: cannot be read ({error.strerror}); {_way_out(folder)}") from error
     except (ValueError, TypeError, UnicodeDecodeError) as error:
         raise KeysError(f"{path} is damaged, or does not hold {_NAMES[kind]}: {error}") from error
     if expires < datetime.now(UTC):
@@ -177,6 +175,14 @@ def _read(folder: Path, kind: type[Held]) -> Held:
     if (folder / CERTIFICATE).exists():
         _check_certificate(folder)
     return held
+
+
+def _way_out(folder: Path) -> str:
+    """Return what to pass in place of a folder without keys."""
+    for words, place in (("one in it", folder), ("one beside it", folder.parent)):
+        if roles := sorted(each.parent.name for each in place.glob(f"*/{ABOUT}")):
+            return f"pass {words}: {', '.join(roles)}"
+    return "pass a folder of `race keys new`"
 
 
 def _check_certificate(folder: Path) -> None:

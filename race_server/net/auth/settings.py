@@ -54,6 +54,8 @@ MOST_MESSAGE = 65536
 # be in it.
 ACCEPT_MS, MOST_ACCEPTED = 5000, 1000
 _ENCRYPTED = ("tls", "quic")
+_WITH_PORT = (*_ENCRYPTED, "tcp", "udp", "ws")
+_PROTOCOLS = (*_WITH_PORT, "unixsock-stream", "vsock", "serial")
 # Seats of a race: those that may be peers of a real kart.
 SEATS = range(64)
 # How soon and how often a client, and a real kart, try to connect again.
@@ -248,8 +250,11 @@ def check_listen_settings(settings: ListenSettings) -> None:
     """Check that a server accepts only authorised clients.
 
     Raises:
-        LinkError: it would be open to other machines without keys, or lacks certificates.
+        LinkError: an address is none; it would be open to other machines without keys, or lacks
+            certificates.
     """
+    for address in filter(None, (settings.address, settings.steward_address)):
+        check_address(address)
     if settings.keys is None and not is_local(settings.address):
         raise LinkError(
             f"{settings.address} can be reached from other machines, and without keys any of them "
@@ -271,6 +276,20 @@ def check_listen_settings(settings: ListenSettings) -> None:
             f"{settings.address} is encrypted and needs certificates: make keys with "
             f"`race keys new {settings.session}` and serve with --open --keys FOLDER"
         )
+
+
+def check_address(address: str) -> None:
+    """Check the form of an address.
+
+    Raises:
+        LinkError: it does not begin with a protocol, or has no port.
+    """
+    protocol, slash, _ = address.partition("/")
+    if not slash or protocol not in _PROTOCOLS:
+        at = address if address.rpartition(":")[2].isdecimal() else f"{address}:7447"
+        raise LinkError(f"{address!r} is no address: write tcp/{at}, or tls/{at} with keys")
+    if protocol in _WITH_PORT:
+        port_of(address)
 
 
 def is_encrypted(address: str) -> bool:

@@ -10,7 +10,7 @@ import zenoh
 from race_server.errors import LinkError
 from race_server.net.auth.diagnosis import explain_refusal
 from race_server.net.auth.keys import ClientKeys
-from race_server.net.auth.settings import client_settings
+from race_server.net.auth.settings import check_address, client_settings
 from race_server.net.transport.link import Link, open_session
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic, key_of
@@ -34,11 +34,12 @@ class ClientLink(Link):
         """Connect to a server.
 
         Raises:
-            LinkError: no server answers there, or it refuses this client.
+            LinkError: the address is none, no server answers there, or it refuses this client.
             KeysError: the address requires a certificate.
             WireError: the session's name is not valid.
         """
         key_of(topics.SNAPSHOT, session_name)
+        check_address(address)
         settings = client_settings(address, keys, timeout_s)
         try:
             super().__init__(open_session(settings))
