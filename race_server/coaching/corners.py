@@ -64,7 +64,7 @@ def corners_of(lap: Lap) -> tuple[Corner, ...]:
             apex=int(apexes[row]) * lap.step,
             exit=min(left, end) * lap.step,
             end=end * lap.step,
-            side=1 if curvature[_tightest(curvature, entry, left)] > 0.0 else -1,
+            side=1 if curvature[_tightest(curvature, entry, left) % count] > 0.0 else -1,
         )
         for row, ((brake, entry, left), begin, end) in enumerate(
             zip(spans, begins, ends, strict=True)
