@@ -29,6 +29,8 @@ _WORDS = {
     FaultKind.LIFT: "keep it open",
     FaultKind.SHORT_EXIT: "let it run out",
 }
+# Where the limit does not brake.
+_WORDS_UNBRAKED = _WORDS | {FaultKind.EARLY_BRAKES: "lift later"}
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ def cues_for(faults: Sequence[Fault]) -> tuple[Cue, ...]:
     cues: dict[str, Cue] = {}
     for fault in sorted(faults, key=lambda one: -one.cost_us):
         if fault.kind in _WORDS and fault.corner.name not in cues:
-            place = _place_of(fault)
-            cues[fault.corner.name] = Cue(fault.corner.name, fault.kind, place, _WORDS[fault.kind])
+            words = (_WORDS if fault.corner.is_braked else _WORDS_UNBRAKED)[fault.kind]
+            cues[fault.corner.name] = Cue(fault.corner.name, fault.kind, _place_of(fault), words)
     return tuple(cues.values())
 
 

@@ -97,6 +97,8 @@ def test_a_corner_without_brakes_is_prepared_from_its_turn_in_on() -> None:
     lap = oval()
     corners = corners_of(replace(lap, brake=np.zeros(len(lap.brake))))
     assert [corner.brake for corner in corners] == [corner.entry for corner in corners]
+    assert [corner.is_braked for corner in corners] == [False, False]
+    assert [corner.is_braked for corner in corners_of(lap)] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,11 @@ def test_cues_are_for_what_can_be_acted_on_one_for_each_corner() -> None:
     assert [cue.place for cue in cues_for([fault(T2, FaultKind.LATE_THROTTLE)])] == [20.0]
 
 
+def test_where_the_limit_does_not_brake_the_cue_is_to_lift() -> None:
+    (cue,) = cues_for([fault(replace(T1, is_braked=False), FaultKind.EARLY_BRAKES)])
+    assert (cue.words, cue.place) == ("lift later", 54.0)
+
+
 def course_of(laps: str) -> list[Help]:
     """Return the help after each lap: `i` inside the band, `o` outside."""
     now, found = Attention(), []
