@@ -24,6 +24,7 @@ from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from race_agents.onboard.incident_ring import IncidentRing, Noted, is_incident
+from race_agents.onboard.turns import Turn, fault_in
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.readings import Readings
 from race_server.errors import RecordingError
@@ -36,8 +37,6 @@ CHUNK_BYTES = 64 * 1024
 MOST_WAITING = 6000
 NANOSECONDS = 1_000_000_000
 TOPIC, SCHEMA = "kart/turn", "kart.Turn"
-
-Turn = dict[str, Any]
 
 
 class BlackBox:
@@ -187,12 +186,18 @@ def read_black_box(path: Path) -> Iterator[Turn]:
 
 def _turns_in(file: BufferedReader, path: Path) -> Iterator[Turn]:
     topics: dict[int, str] = {}
+    count = 0
     try:
         for record in StreamReader(file).records:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and topics.get(record.channel_id) == TOPIC:
                 turn: Turn = json.loads(record.data)
+                count += 1
+                if fault := fault_in(turn):
+                    raise RecordingError(
+                        f"{path} is no black box of a kart: message {count} of {TOPIC} {fault}"
+                    )
                 yield turn
     # The end is torn where the kart's program was killed.
     except (McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:

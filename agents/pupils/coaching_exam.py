@@ -162,15 +162,18 @@ def cue_ends(lap: Lap, best: Lap, faults: Sequence[Fault]) -> Iterator[float]:
     faults: of the lap before; the lap is driven with them once more. The best lap tells times, as
     the driver has no better one yet.
     """
-    cues, said = cues_for(faults), set[str]()
-    free = Moment(0.0, 0.0, math.inf, math.inf, is_cautioned=False, is_driving=True)
+    cues, said, spoken = cues_for(faults), set[str](), -math.inf
+    inf = math.inf
+    free = Moment(0.0, 0.0, inf, inf, is_cautioned=False, is_driving=True, since_cue_s=inf)
     for now in np.arange(0.0, float(lap.time[-1]), ASKED_S):
         progress, speed = (
             float(np.interp(now, lap.time, values)) for values in (lap.progress, lap.speed)
         )
-        cue = due(cues, replace(free, progress=progress, speed=speed), best, said)
+        moment = replace(free, progress=progress, speed=speed, since_cue_s=now - spoken)
+        cue = due(cues, moment, best, said)
         if cue is not None:
             said.add(cue.corner)
+            spoken = now
             # The next lap, where the place is behind the line, takes as long.
             there = lap.at(lap.time, cue.place)
             yield (there - now) % float(lap.time[-1]) - SPOKEN_S

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -13,6 +13,9 @@ from race_server.cli.document import AsJson, print_document
 from race_server.core.clock import TICKS_PER_SECOND, lap_text
 from race_server.errors import RecordingError
 from race_server.terminal import Console, say
+
+if TYPE_CHECKING:
+    from race_server.storage.recording.rerun import Rerun
 
 app = typer.Typer(help="Inspect a recording, print its messages, or cut it.")
 
@@ -35,7 +38,7 @@ def replay(
 ) -> None:
     """Simulate a recorded race again and compare it with the recording; or show it.
 
-    Exit code 1 if the two differ.
+    Exit code 1 if the two differ, or nothing in the recording tells.
     """
     from race_server.storage.recording.reader import read_recording
 
@@ -55,7 +58,10 @@ def replay(
 
 
 def check(recording: Any) -> dict[str, Any]:
-    """Return whether a simulated race equals the recorded one, with the first difference."""
+    """Return whether a simulated race equals the recorded one, with the first difference.
+
+    It does not where there is nothing to compare.
+    """
     from race_server.storage.recording.rerun import Rerun
 
     rerun = Rerun(recording, is_blind=True)
@@ -66,8 +72,8 @@ def check(recording: Any) -> dict[str, Any]:
     difference = rerun.difference
     raced_s = rerun.session.tick / TICKS_PER_SECOND
     return {
-        "ok": difference is None,
-        "why": "" if difference is None else _why(recording, difference.tick),
+        "ok": difference is None and rerun.compared > 0,
+        "why": _why(rerun),
         "file": str(recording.path),
         "ticks": rerun.session.tick,
         "digests": rerun.compared,
@@ -80,17 +86,26 @@ def check(recording: Any) -> dict[str, Any]:
     }
 
 
-def _why(recording: Any, tick: int) -> str:
+def _why(rerun: "Rerun") -> str:
+    """Return why a race that was driven again is not the recorded one, or nothing."""
     from race_server.storage.recording.header import versions
 
-    recorded, now = json.loads(recording.start.versions), versions()
+    difference = rerun.difference
+    if difference is None:
+        return "" if rerun.compared else "nothing to compare: no digest is in the recording"
+    recorded, now = json.loads(rerun.recording.start.versions), versions()
     other = [
         f"{name} {value} (here {now.get(name, 'none')})"
         for name, value in recorded.items()
         if now.get(name) != value
     ]
     told = f"; it was recorded with {', '.join(other)}" if other else ""
-    return f"the simulated race differs from the recorded one from tick {tick} on{told}"
+    if difference.recorded_to is not None:
+        return (
+            f"the simulated race ended at tick {difference.tick}, the recorded one went on to "
+            f"tick {difference.recorded_to}{told}"
+        )
+    return f"the simulated race differs from the recorded one from tick {difference.tick} on{told}"
 
 
 def _print_check(document: dict[str, Any]) -> None:

@@ -24,6 +24,11 @@ _TRY = {
     FaultKind.SHORT_EXIT: "let the kart run out: {size:.1f} m of road are unused at the exit",
     FaultKind.UNKNOWN: "no fault of driving is seen; look at the kart",
 }
+# Where the limit does not brake.
+_TRY_UNBRAKED = _TRY | {
+    FaultKind.EARLY_BRAKES: "lift {size:.0f} m later; no brakes are needed here",
+    FaultKind.COASTING: "stay on the throttle {size:.0f} m longer; no brakes are needed here",
+}
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,10 @@ class Tip:
     @property
     def words(self) -> str:
         """What to try."""
-        reach = self.corner.apex - self.corner.brake
-        return f"{self.corner.name}: " + _TRY[self.kind].format(size=self.size, brake=reach)
+        corner = self.corner
+        words = (_TRY if corner.is_braked else _TRY_UNBRAKED)[self.kind]
+        reach = corner.apex - corner.brake
+        return f"{corner.name}: " + words.format(size=self.size, brake=reach)
 
 
 def tips_for(laps: Sequence[Sequence[Fault]]) -> tuple[Tip, ...]:

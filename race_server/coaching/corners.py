@@ -33,6 +33,7 @@ class Corner:
     exit: float  # where it has unwound the steering
     end: float  # where the next corner begins
     side: int  # 1 to the left, -1 to the right
+    is_braked: bool = True  # False: the lap lifts at most
 
 
 def corners_of(lap: Lap) -> tuple[Corner, ...]:
@@ -64,7 +65,8 @@ def corners_of(lap: Lap) -> tuple[Corner, ...]:
             apex=int(apexes[row]) * lap.step,
             exit=min(left, end) * lap.step,
             end=end * lap.step,
-            side=1 if curvature[_tightest(curvature, entry, left)] > 0.0 else -1,
+            side=1 if curvature[_tightest(curvature, entry, left) % count] > 0.0 else -1,
+            is_braked=bool(lap.brake[brake % count] > PRESSED),
         )
         for row, ((brake, entry, left), begin, end) in enumerate(
             zip(spans, begins, ends, strict=True)

@@ -29,6 +29,8 @@ _WORDS = {
     FaultKind.LIFT: "keep it open",
     FaultKind.SHORT_EXIT: "let it run out",
 }
+# Where the limit does not brake.
+_WORDS_UNBRAKED = _WORDS | {FaultKind.EARLY_BRAKES: "lift later"}
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Moment:
     behind_s: float  # from the kart behind [s]; inf without one
     is_cautioned: bool  # a flag, or a warning of the kart itself
     is_driving: bool  # in the race, the right way round, with no effect of an item
+    since_cue_s: float  # since the last cue began [s]; inf before the first
 
 
 def cues_for(faults: Sequence[Fault]) -> tuple[Cue, ...]:
@@ -58,8 +61,8 @@ def cues_for(faults: Sequence[Fault]) -> tuple[Cue, ...]:
     cues: dict[str, Cue] = {}
     for fault in sorted(faults, key=lambda one: -one.cost_us):
         if fault.kind in _WORDS and fault.corner.name not in cues:
-            place = _place_of(fault)
-            cues[fault.corner.name] = Cue(fault.corner.name, fault.kind, place, _WORDS[fault.kind])
+            words = (_WORDS if fault.corner.is_braked else _WORDS_UNBRAKED)[fault.kind]
+            cues[fault.corner.name] = Cue(fault.corner.name, fault.kind, _place_of(fault), words)
     return tuple(cues.values())
 
 
@@ -77,9 +80,10 @@ def due(cues: Sequence[Cue], moment: Moment, best: Lap, said: Collection[str]) -
     """Return the cue to speak now, or None for silence.
 
     best: the driver's lap from which times ahead are read; said: corners with a cue in this lap
-    already. The cue of a corner whose time has passed is not made up for.
+    already. While a cue is spoken there is no other, and the cue of a corner whose time has passed
+    is not made up for.
     """
-    if not is_free(moment):
+    if moment.since_cue_s < SPOKEN_S or not is_free(moment):
         return None
     for cue in cues:
         if cue.corner in said:

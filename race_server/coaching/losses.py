@@ -76,11 +76,15 @@ def _pieces(lap: Lap, corners: Sequence[Corner]) -> list[tuple[int, int, int]]:
 
     The first begins at the timing line, and may be the rest of a piece that began before it.
     """
-    length, count = float(lap.progress[-1]), len(lap.progress) - 1
-    cuts = sorted(
-        (round(place % length / lap.step) % count, row, phase)
+    count = len(lap.progress) - 1
+    cuts = [
+        (round(place / lap.step), row, phase)
         for row, corner in enumerate(corners)
         for phase, place in enumerate((corner.begin, corner.entry, corner.exit))
-    )
-    _, row, phase = cuts[-1]
-    return cuts if cuts[0][0] == 0 else [(0, row, phase), *cuts]
+    ]
+    # In order along the lap. At one point the piece before the other comes first, in order of
+    # driving: the exit of the last corner, a lap further on, before the begin of the first one.
+    cuts.sort(key=lambda cut: (cut[0] % count, -cut[0]))
+    pieces = [(at % count, row, phase) for at, row, phase in cuts]
+    _, row, phase = pieces[-1]
+    return pieces if pieces[0][0] == 0 else [(0, row, phase), *pieces]

@@ -45,6 +45,7 @@ class _Seat:
         self.notes: list[tuple[float, ...]] = []
         self.marks: list[Mark] = []
         self.circumstances: list[Circumstances] = []
+        self._noted = 0  # tick
         self._begin()
 
     def _begin(self) -> None:
@@ -57,7 +58,8 @@ class _Seat:
         body, racer = world.bodies[0, self.number], world.racers[0, self.number]
         since_lights = (session.tick - int(world.races[0].start_tick)) * TICK_S
         self.notes.append(note_of(since_lights, body, racer))
-        spent, now = DECISION_TICKS * TICK_S, self._now
+        spent, now = (session.tick - self._noted) * TICK_S, self._now
+        self._noted = session.tick
         cautioned = racer.yellow or world.races[0].flag in (Flag.YELLOW, Flag.RED)
         self._now = replace(
             now,
@@ -102,13 +104,12 @@ def recorded_laps(recording: Recording) -> RecordedLaps:
         )
     seats = [_Seat(number) for number in range(len(session.seats))]
     _note(session, seats, course.length)
-    for events in rerun.run(DECISION_TICKS):
-        for event in events:
-            touched = event.other if event.kind is EventKind.CONTACT_KART else -1
-            for number in (event.kart, touched):
-                if 0 <= number < len(seats):
-                    end_us = int(session.world.racers[0, number].lap_start_us)
-                    seats[number].take(event, end_us)
+    # A rerun stops wherever inputs came; laps are of samples at equal steps.
+    for events in rerun.run(1):
+        _tell(session, seats, events)
+        if session.tick % DECISION_TICKS == 0:
+            _note(session, seats, course.length)
+    if session.tick % DECISION_TICKS:
         _note(session, seats, course.length)
     difference = rerun.difference
     remark = (
@@ -126,6 +127,15 @@ def recorded_laps(recording: Recording) -> RecordedLaps:
         )
     )
     return RecordedLaps(session.scenario, found, remark)
+
+
+def _tell(session: Session, seats: list[_Seat], events: list[Event]) -> None:
+    for event in events:
+        touched = event.other if event.kind is EventKind.CONTACT_KART else -1
+        for number in (event.kart, touched):
+            if 0 <= number < len(seats):
+                end_us = int(session.world.racers[0, number].lap_start_us)
+                seats[number].take(event, end_us)
 
 
 def _note(session: Session, seats: list[_Seat], length: float) -> None:

@@ -1,15 +1,16 @@
 """Simulated pupils, and what the coach says of them."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from race_agents.pupils.coaching_exam import Attempted, School, summary_of
+from race_agents.pupils.coaching_exam import Attempted, School, cue_ends, summary_of
 from race_agents.pupils.habit import Habit, Road, line_with, road_of, unsteady
 from race_agents.pupils.laps import drive_lap
 from race_server.coaching.corners import Corner, corners_of
-from race_server.coaching.faults import FaultKind, faults_of
+from race_server.coaching.faults import Fault, FaultKind, faults_of
 from race_server.coaching.lap import reference_lap
 from race_server.coaching.losses import lap_loss
 from race_server.core.vehicle_presets import vehicle_named
@@ -121,3 +122,14 @@ def test_an_exam_counts_faults_that_cost_something() -> None:
     assert figures["cost_near_share"] == 1.0
     assert (figures["clean_corners"], figures["clean_corners_with_a_fault"]) == (5, 0)
     assert (figures["weak_corners_with_a_word"], figures["weak_corners_called_unknown"]) == (2, 1)
+
+
+def test_a_pupil_hears_one_cue_at_a_time() -> None:
+    road, corners = place()
+    one = Fault(corners[2], FaultKind.EARLY_BRAKES, 6.0, "m", 100_000)
+    # 2 m behind the place of the first: the kart is there before the first cue has been spoken.
+    other = replace(one, corner=replace(one.corner, name="next", brake=one.corner.brake + 2.0))
+    counts = [
+        len(list(cue_ends(road.lap, road.lap, told))) for told in ([one], [other], [one, other])
+    ]
+    assert counts == [1, 1, 1]

@@ -77,6 +77,16 @@ def test_a_bend_to_the_right_is_known_as_one() -> None:
     assert [corner.side for corner in corners_of(other)] == [-1, -1]
 
 
+def test_a_bend_may_be_tightest_behind_the_timing_line_with_its_apex_before_it() -> None:
+    # The line lies two thirds into a bend, which is tightest in its last 5 m.
+    lap = oval(start=STRAIGHT + BEND / 3.0)
+    tighter = np.where(lap.progress < 5.0, 2.0, 1.0)
+    for side in (1, -1):
+        corners = corners_of(replace(lap, curvature=side * tighter * lap.curvature))
+        assert [corner.side for corner in corners] == [side, side]
+        assert corners[-1].apex == pytest.approx(LENGTH - BEND / 6.0, abs=0.3)
+
+
 def test_a_lap_that_never_slows_by_3_percent_has_no_corner() -> None:
     lap = oval()
     assert corners_of(replace(lap, speed=np.full(len(lap.speed), 9.0))) == ()
@@ -87,6 +97,8 @@ def test_a_corner_without_brakes_is_prepared_from_its_turn_in_on() -> None:
     lap = oval()
     corners = corners_of(replace(lap, brake=np.zeros(len(lap.brake))))
     assert [corner.brake for corner in corners] == [corner.entry for corner in corners]
+    assert [corner.is_braked for corner in corners] == [False, False]
+    assert [corner.is_braked for corner in corners_of(lap)] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ BEST = Lap("best", 20_000_000, AT, AT / 10.0, AT, STILL, STILL, STILL + 10.0, ST
 T1 = Corner("T1", begin=40.0, brake=60.0, entry=70.0, apex=80.0, exit=90.0, end=120.0, side=1)
 T2 = replace(T1, name="T2", brake=5.0, entry=15.0, apex=20.0)
 BRAKES = Cue("T1", FaultKind.EARLY_BRAKES, 60.0, "brake later")
-FREE = Moment(0.0, 10.0, np.inf, np.inf, is_cautioned=False, is_driving=True)
+FREE = Moment(0.0, 10.0, np.inf, np.inf, is_cautioned=False, is_driving=True, since_cue_s=np.inf)
 
 
 def fault(corner: Corner, kind: FaultKind, cost_us: int = 100_000) -> Fault:
@@ -72,6 +72,26 @@ def test_a_corner_has_one_cue_in_a_lap() -> None:
     assert spoken(said=("T2",)) != []
 
 
+def begins(*places: float) -> dict[str, float]:
+    """Return when [s] in a lap the cues for some places [m] begin, by their corners."""
+    cues = [replace(BRAKES, corner=f"T{n}", place=place) for n, place in enumerate(places, 1)]
+    found: dict[str, float] = {}
+    for now in np.arange(0.0, 20.0, 0.05).tolist():
+        since = now - max(found.values(), default=-np.inf)
+        moment = replace(FREE, progress=10.0 * now, since_cue_s=since)
+        if cue := due(cues, moment, BEST, found):
+            found[cue.corner] = now
+    return found
+
+
+def test_two_cues_are_never_spoken_at_once() -> None:
+    # At 10 m/s a cue for 60 m is spoken from 3.8 s to 4.6 s. One for 63 m would begin from 4.1 s
+    # to 4.5 s, one for 66 m from 4.4 s to 4.8 s, one for 70 m from 4.8 s on.
+    assert begins(60.0, 63.0) == pytest.approx({"T1": 3.8}, abs=0.06)
+    assert begins(60.0, 66.0) == pytest.approx({"T1": 3.8, "T2": 4.6}, abs=0.06)
+    assert begins(60.0, 70.0) == pytest.approx({"T1": 3.8, "T2": 4.8}, abs=0.06)
+
+
 def test_a_cue_that_was_missed_is_not_made_up_for() -> None:
     assert due([BRAKES], replace(FREE, progress=45.0), BEST, ()) is None
 
@@ -97,6 +117,11 @@ def test_cues_are_for_what_can_be_acted_on_one_for_each_corner() -> None:
     # He brakes 6 m before the 60 m of the limit, and must be told before that.
     assert (cue.corner, cue.words, cue.place) == ("T1", "brake later", 54.0)
     assert [cue.place for cue in cues_for([fault(T2, FaultKind.LATE_THROTTLE)])] == [20.0]
+
+
+def test_where_the_limit_does_not_brake_the_cue_is_to_lift() -> None:
+    (cue,) = cues_for([fault(replace(T1, is_braked=False), FaultKind.EARLY_BRAKES)])
+    assert (cue.words, cue.place) == ("lift later", 54.0)
 
 
 def course_of(laps: str) -> list[Help]:

@@ -112,6 +112,19 @@ def test_a_lap_that_crosses_the_line_slower_pays_for_the_lap_before_at_the_line(
     assert abs(sum(one.total_us for one in loss.corners[1:])) < 0.1 * loss.total_us
 
 
+def test_what_is_lost_where_the_first_corner_begins_is_none_of_the_last_one() -> None:
+    # T5 is in its bend until T1 begins, as where two bends have the timing line but no straight
+    # between them.
+    _, corners, bounds = place()
+    meeting = (*corners[:-1], replace(corners[-1], exit=corners[-1].end))
+    apart = lap_loss(solved(0), solved(), corners, bounds)
+    loss = lap_loss(solved(0), solved(), meeting, bounds)
+    assert apart.corners[0].approach_us > 10_000
+    assert loss.corners[0] == apart.corners[0]
+    assert loss.corners[-1].total_us == apart.corners[-1].total_us
+    assert loss.line_us + sum(one.total_us for one in loss.corners) == loss.total_us
+
+
 def test_corners_of_the_reference_meet() -> None:
     _, corners, _ = place()
     assert all(one.end == other.begin for one, other in pairwise(corners))

@@ -43,6 +43,18 @@ def test_tips_are_the_three_faults_that_cost_most_and_come_back() -> None:
     assert tips[0].words == "T2: brake 6 m later; the limit brakes 20 m before the apex"
 
 
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (FaultKind.EARLY_BRAKES, "T1: lift 6 m later; no brakes are needed here"),
+        (FaultKind.COASTING, "T1: stay on the throttle 6 m longer; no brakes are needed here"),
+    ],
+)
+def test_where_the_limit_does_not_brake_no_tip_says_to(kind: FaultKind, words: str) -> None:
+    (tip,) = tips_for([[fault(replace(T1, is_braked=False), 0.1, kind)]])
+    assert tip.words == words
+
+
 def test_what_has_no_name_is_the_last_tip() -> None:
     tips = tips_for([[fault(T1, 0.5, FaultKind.UNKNOWN), fault(T2, 0.1)]])
     assert [tip.kind for tip in tips] == [FaultKind.EARLY_BRAKES, FaultKind.UNKNOWN]

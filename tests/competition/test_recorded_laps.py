@@ -1,6 +1,7 @@
 """Laps of recorded races."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.session.journal_entries import Inputs
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.rerun import Rerun
@@ -80,6 +82,29 @@ def test_a_contact_is_one_of_both_karts(
         for one in recorded_laps(recording).laps
     }
     assert contacts == {(0, 1): 1, (0, 2): 0, (1, 1): 1, (1, 2): 0}
+
+
+def with_inputs_at_every_tick(recording: Recording) -> Recording:
+    """Return a recording in which each input is repeated at every tick until the next one."""
+    inputs = {entry.tick: entry for entry in recording.entries if isinstance(entry, Inputs)}
+    held = [inputs[max(tick for tick in inputs if tick <= now)] for now in range(max(inputs) + 1)]
+    repeated = [replace(entry, tick=tick) for tick, entry in enumerate(held)]
+    others = [entry for entry in recording.entries if not isinstance(entry, Inputs)]
+    return replace(recording, entries=sorted([*others, *repeated], key=lambda entry: entry.tick))
+
+
+@pytest.mark.net
+def test_a_lap_is_the_same_however_often_inputs_came(recording: Recording) -> None:
+    every = with_inputs_at_every_tick(recording)
+    assert len(every.entries) > 2 * len(recording.entries)
+    rarely, often = recorded_laps(recording), recorded_laps(every)
+    assert often.remark == ""
+    circumstances = [one.circumstances for one in rarely.laps]
+    assert any(told.traffic_s > 1.0 for told in circumstances)
+    assert [one.circumstances for one in often.laps] == circumstances
+    for one, other in zip(rarely.laps, often.laps, strict=True):
+        assert one.lap.jerk == other.lap.jerk
+        assert one.lap.trace.tolist() == other.lap.trace.tolist()
 
 
 def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:

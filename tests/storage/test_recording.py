@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from typer.testing import CliRunner
 
 from race_server.cli.main import app
+from race_server.cli.recording import check
 from race_server.competition.launch import free_address
 from race_server.core.messages import Flag
 from race_server.errors import RecordingError
@@ -89,6 +90,35 @@ def test_a_race_driven_again_has_the_same_digest_at_every_second(recorded: Path)
     assert rerun.session.event_log.laps.times_us == {
         seat: [us for s, _, us, _ in recording.laps if s == seat] for seat in range(3)
     }
+
+
+def test_a_race_is_driven_to_its_last_digest_in_steps_of_any_size(recorded: Path) -> None:
+    # The server took three ticks in a step: the race is over within the last.
+    recording = read_recording(recorded)
+    for ticks in (1, 2, 7):
+        rerun = Rerun(recording)
+        for _ in rerun.run(ticks):
+            pass
+        assert (rerun.difference, rerun.compared) == (None, len(recording.digests))
+
+
+def test_a_race_that_ends_before_the_recorded_one_is_another_race(recorded: Path) -> None:
+    recording = read_recording(recorded)
+    given_up = [Intervention(130, InterventionKind.WITHDRAW, kart, 0.0) for kart in range(3)]
+    at = next(n for n, entry in enumerate(recording.entries) if entry.tick > 130)
+    recording.entries[at:at] = given_up
+    told, last = check(recording), recording.digests[-1][0]
+    assert (told["ok"], told["digests"]) == (False, 2)  # those of ticks 60 and 120
+    assert told["first_difference_tick"] == told["ticks"] < 180
+    assert f"ended at tick {told['ticks']}, the recorded one went on to tick {last}" in told["why"]
+
+
+def test_a_recording_without_a_digest_has_nothing_to_compare(recorded: Path) -> None:
+    recording = read_recording(recorded)
+    recording.digests.clear()
+    told = check(recording)
+    assert (told["ok"], told["first_difference_tick"]) == (False, None)
+    assert told["why"].startswith("nothing to compare")
 
 
 def test_a_blind_rerun_ends_in_the_same_world_and_with_the_same_scans(recorded: Path) -> None:

@@ -27,6 +27,8 @@ class Difference:
     tick: int
     recorded: str
     found: str
+    # Where the race driven again was over at `tick`, and the recorded one was not: its last digest.
+    recorded_to: int | None = None
 
 
 def session_of(recording: Recording) -> Session:
@@ -95,13 +97,13 @@ class Rerun:
         """Drive to the last tick that is known, and yield what happened on the way.
 
         It goes in one step from one change to the next, at most `most_ticks` at a time, and ends
-        early where a digest is another one, see `difference`.
+        early where a digest is another one, or where the race is over before the last of them, see
+        `difference`.
         """
         session, recording = self.session, self.recording
         entries = iter(recording.entries)
         digests = iter(recording.digests)
         entry, digest = next(entries, None), next(digests, None)
-        last = recording.last_tick
         while True:
             tick = session.tick
             while digest is not None and digest[0] <= tick:
@@ -111,12 +113,25 @@ class Rerun:
             while entry is not None and entry.tick <= tick:
                 session.repeat(entry)
                 entry = next(entries, None)
-            if tick >= last or not session.is_on:
+            if self._is_over(digest):
                 return
-            stop = min(last, tick + most_ticks)
+            stop = min(recording.last_tick, tick + most_ticks)
             stop = stop if entry is None else min(stop, entry.tick)
             stop = stop if digest is None else min(stop, digest[0])
             yield self._move(stop - tick)
+
+    def _is_over(self, digest: tuple[int, str] | None) -> bool:
+        """Return whether nothing is left to drive. digest: the next one to compare."""
+        session = self.session
+        if session.tick < self.recording.last_tick:
+            # A server that takes several ticks in a step ends its last one behind the race's end.
+            is_in_step = digest is not None and digest[0] - session.tick < session.decision_ticks
+            if session.is_on or is_in_step:
+                return False
+        if digest is not None:
+            last, recorded = self.recording.digests[-1]
+            self.difference = Difference(session.tick, recorded, session.digest(), last)
+        return True
 
     def _move(self, ticks: int) -> list[Event]:
         fitted = self.session.world.bodies["sensors"]
