@@ -31,11 +31,13 @@ def walk(world: World, w: int) -> None:
         if walkers[p].radius <= 0.0:
             continue
         _step(world, w, p)
+        walkers[p].against = 0
         for k in range(world.bodies.shape[1]):
             if world.bodies[w, k].status == codes.RACING and _touches(world, w, k, walkers[p]):
+                walkers[p].against = k + 1
                 _judge(world, w, k, p)
-            elif walkers[p].against == k + 1:
-                walkers[p].against = 0
+            else:
+                walkers[p].touching &= ~(1 << k)
 
 
 @kernel
@@ -59,7 +61,7 @@ def place_walker(world: World, w: int, p: int) -> None:
     """Put a person where they begin, on their first leg."""
     walker, seed = world.parking.walkers[w, p], world.races[w].seed
     lot = world.parking.lots.lots[world.rules[w].course]
-    walker.leg = walker.against = walker.rest_ticks = 0
+    walker.leg = walker.against = walker.rest_ticks = walker.touching = 0
     walker.x = walker.y = walker.to_x = walker.to_y = walker.speed = walker.rest_at = 0.0
     walker.radius = lot.walker_radius if p < lot.walkers else 0.0
     if p >= lot.walkers:
@@ -173,12 +175,10 @@ def _judge(world: World, w: int, k: int, p: int) -> None:
     """Count the first tick of a touch: a hit, or a person who walked into a standing vehicle."""
     body, parker = world.bodies[w, k], world.parking.parkers[w, k]
     walker = world.parking.walkers[w, p]
-    if walker.against == k + 1 and abs(body.speed) < STANDING:
-        return
-    is_new = walker.against != k + 1
-    walker.against = k + 1
+    is_new = (walker.touching >> k) & 1 == 0
+    walker.touching |= 1 << k
     if abs(body.speed) < STANDING:
-        parker.walked_into += 1
+        parker.walked_into += is_new
         return
     if is_new:
         report(world, w, codes.EVENT_HIT_PERSON, k, p, round(abs(body.speed) * 1000.0))
