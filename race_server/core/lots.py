@@ -42,8 +42,9 @@ ROOM = record_of([*fields_of("x y heading room", ""), ("trailers", np.float64, (
 # A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
 # `against`: 1 + number of the last vehicle that they touched in the tick before, 0 for none.
 _WALKER = fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against")
-# What came later, in no digest. `touching`: a bit for each vehicle that they touched then.
-WALKER = record_of([*_WALKER, *fields_of("", "touching")])
+# What came later, in no digest, with a bit for each vehicle: which they have touched since the tick
+# before, and which of these have hit them.
+WALKER = record_of([*_WALKER, *fields_of("", "touching hit")])
 
 # What is fixed about one lot. Shares are of 1, sizes in metres, times in ticks.
 LOT = record_of(

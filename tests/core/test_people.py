@@ -88,6 +88,21 @@ def test_a_person_between_two_standing_karts_counts_once_for_each() -> None:
     assert world.parking.parkers["walked_into"][0].tolist() == [2, 2]
 
 
+def test_a_kart_that_sets_off_into_a_person_who_leans_on_it_has_hit_them() -> None:
+    world = world_with_a_person()
+    stand(world, NOSE + RADIUS - 0.01, 20.0)
+    put(world, 0.0, 20.0)
+    wait(world, 5)
+    assert world.parking.parkers["walked_into"][0, 0] == 1
+    assert events(world, EventKind.HIT_PERSON) == []
+    put(world, 0.0, 20.0, speed=1.2)
+    roll(world, 1)
+    ((kart, person, speed),) = events(world, EventKind.HIT_PERSON)
+    assert (kart, person) == (0, 0)
+    assert speed == pytest.approx(1200, rel=0.01)
+    assert world.racers["retired_for"][0, 0] == Retirement.HIT_PERSON
+
+
 def test_where_touches_are_no_crash_a_hit_is_told_once() -> None:
     world = world_with_a_person(bump=True)
     stand(world, NOSE + RADIUS + 0.01, 20.0)

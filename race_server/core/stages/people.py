@@ -38,6 +38,7 @@ def walk(world: World, w: int) -> None:
                 _judge(world, w, k, p)
             else:
                 walkers[p].touching &= ~(1 << k)
+                walkers[p].hit &= ~(1 << k)
 
 
 @kernel
@@ -61,7 +62,7 @@ def place_walker(world: World, w: int, p: int) -> None:
     """Put a person where they begin, on their first leg."""
     walker, seed = world.parking.walkers[w, p], world.races[w].seed
     lot = world.parking.lots.lots[world.rules[w].course]
-    walker.leg = walker.against = walker.rest_ticks = walker.touching = 0
+    walker.leg = walker.against = walker.rest_ticks = walker.touching = walker.hit = 0
     walker.x = walker.y = walker.to_x = walker.to_y = walker.speed = walker.rest_at = 0.0
     walker.radius = lot.walker_radius if p < lot.walkers else 0.0
     if p >= lot.walkers:
@@ -172,15 +173,16 @@ def is_disc_on_box(box: Box, x: float, y: float, radius: float) -> bool:
 
 @kernel
 def _judge(world: World, w: int, k: int, p: int) -> None:
-    """Count the first tick of a touch: a hit, or a person who walked into a standing vehicle."""
+    """Judge a touch: a hit, or a person who walked into a standing vehicle; each counts once."""
     body, parker = world.bodies[w, k], world.parking.parkers[w, k]
     walker = world.parking.walkers[w, p]
-    is_new = (walker.touching >> k) & 1 == 0
+    is_new, is_hit = (walker.touching >> k) & 1 == 0, (walker.hit >> k) & 1 == 1
     walker.touching |= 1 << k
     if abs(body.speed) < STANDING:
         parker.walked_into += is_new
         return
-    if is_new:
+    if not is_hit:
+        walker.hit |= 1 << k
         report(world, w, codes.EVENT_HIT_PERSON, k, p, round(abs(body.speed) * 1000.0))
     parker.touched = codes.PERSON
     if world.rules[w].wall_contact == codes.RETIRE:
