@@ -113,21 +113,19 @@ def _begin_leg(world: World, w: int, p: int) -> None:
 def _is_leg_blocked(world: World, w: int, walker: Record) -> bool:
     """Return whether a block or a wall stands on the straight way of a person. walker: WALKER."""
     mx, my = 0.5 * (walker.x + walker.to_x), 0.5 * (walker.y + walker.to_y)
-    half = math.sqrt((mx - walker.x) * (mx - walker.x) + (my - walker.y) * (my - walker.y))
+    dx, dy = walker.to_x - walker.x, walker.to_y - walker.y
+    half = 0.5 * math.sqrt(dx * dx + dy * dy)
     for block in world.parking.blocks[w]:
         if is_near_block(block, mx, my, half + walker.radius):
             box = box_of(grown(block_hull(block), walker.radius))
             if box_on_segment(box, walker.x, walker.y, walker.to_x, walker.to_y)[0] > 0.0:
                 return True
-    steps = int(half / walker.radius) + 1
     site = world.walls.sites[world.rules[w].course]
-    for step in range(steps + 1):
-        share = step / steps
-        x = walker.x + share * (walker.to_x - walker.x)
-        y = walker.y + share * (walker.to_y - walker.y)
-        if not is_free_of_walls(world.walls, site, _square_around(x, y, walker.radius)):
-            return True
-    return False
+    way = Hull(mx, my, math.atan2(dy, dx), 0.0, half, walker.radius, 0)
+    if not is_free_of_walls(world.walls, site, way):
+        return True
+    end = _square_around(walker.to_x, walker.to_y, walker.radius)
+    return not is_free_of_walls(world.walls, site, end)
 
 
 @kernel
