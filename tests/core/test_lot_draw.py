@@ -150,6 +150,17 @@ def test_people_walk_past_the_corners_of_what_is_fixed() -> None:
     assert 0.3 <= nearest < 0.35
 
 
+def test_no_person_begins_in_a_vehicle() -> None:
+    # With 0.3 m around it, the kart takes 5 of the 36 m² of the zone.
+    zones = (Zone("start", (0.0, 0.0), (0.0, 0.0)), Zone("people", (-3.0, 3.0), (-3.0, 3.0)))
+    lot = Lot(np.array([(8.0, 0.0, 0.0, 3.0, 2.0)]), zones, people=People(count=1))
+    course = course_of_lot("crowd", "Crowd", (-10.0, 10.0, -5.0, 5.0), (), lot, "crowd")
+    for seed in range(30):
+        (walker,) = park_world(course, seed=seed).parking.walkers[0]
+        aside = max(abs(walker.x) - 0.5 * KART[0], 0.0), max(abs(walker.y) - 0.5 * KART[1], 0.0)
+        assert np.hypot(*aside) >= walker.radius
+
+
 def test_the_same_seed_gives_the_same_lot_and_another_seed_another(yards: World) -> None:
     scenario = parking_scenario("yard-70", vehicles=3)
     alone = make_world(scenario, seeds=[17])

@@ -75,7 +75,8 @@ def place_walker(world: World, w: int, p: int) -> None:
         share_x = uniform(seed, WALKER_STREAM, p, chances + 1)
         share_y = uniform(seed, WALKER_STREAM, p, chances + 2)
         walker.x, walker.y = point_in(world.parking.lots.zones[zone], share_x, share_y)
-        if _is_free(world, w, walker.x, walker.y, walker.radius):
+        is_free = _is_free(world, w, walker.x, walker.y, walker.radius)
+        if is_free and not _touches_any(world, w, walker):
             break
     _begin_leg(world, w, p)
 
@@ -156,6 +157,15 @@ def _touches(world: World, w: int, k: int, walker: Record) -> bool:
         if is_disc_on_box(
             box_of(hull_of(vehicle, body, number)), walker.x, walker.y, walker.radius
         ):
+            return True
+    return False
+
+
+@kernel
+def _touches_any(world: World, w: int, walker: Record) -> bool:
+    """Return whether a person, as a disc, and any vehicle overlap. walker: WALKER."""
+    for k in range(world.bodies.shape[1]):
+        if world.bodies[w, k].status != codes.ABSENT and _touches(world, w, k, walker):
             return True
     return False
 
