@@ -60,10 +60,10 @@ def load_lot(name: str) -> Course:
         LotError: there is no such lot, or its file is not valid.
     """
     if name.startswith(PREFIX):
-        return _lot_of(name, name, generated_file(name))
+        return lot_of(name, name, generated_file(name))
     path = path_of("lots", name)
     if path is not None:
-        return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
+        return lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
     known = ", ".join(lot_names())
     raise LotError(
         f"lot {name!r} is unknown; choose one of {known}, give a .toml file, or a generated lot: "
@@ -72,7 +72,12 @@ def load_lot(name: str) -> Course:
 
 
 @cache
-def _lot_of(name: str, file: str, text: str) -> Course:
+def lot_of(name: str, file: str, text: str) -> Course:
+    """Return the car park of a text as a course. file: what errors call it.
+
+    Raises:
+        LotError: the text is not valid.
+    """
     try:
         words = parse_toml(text)
     except ValueError as error:
