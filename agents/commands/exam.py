@@ -156,9 +156,11 @@ def _examine_and_tell(options: ParkingOptions) -> None:
 
     Raises:
         ScenarioError: no driver or lot is named, or the picture has another ending.
+        RecordingError: failures cannot be recorded into the folder, or one was not.
     """
     from race_agents.commands.exam_gap import gap_of
     from race_server.competition.parking_exam import ExamSpec
+    from race_server.storage.recording.logbook import check_folder
 
     drivers = once(known_drivers(options.drivers))
     scenarios = once(names_in(options.scenario))
@@ -172,6 +174,8 @@ def _examine_and_tell(options: ParkingOptions) -> None:
             f"--delay-s {options.delay_s:g} --gap {given}: failures are recorded in sessions, "
             "which have neither; leave both out, or --record"
         )
+    if options.record is not None:
+        check_folder(options.record)
     gap, seeds = gap_of(options.gap or []), seeds_from(options.first_seed, options.seeds)
     specs = [
         ExamSpec(
@@ -190,25 +194,40 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     console = Console(stderr=True)
     begun = time.monotonic()
     results = list(_examine(specs, drivers, console, quiet=options.as_json))
-    recorded = _record(results, options.record, console) if options.record else []
-    if options.as_json:
-        seconds = round(time.monotonic() - begun, 1)
-        document = {"rows": [result.row() for result in results], "wall_s": seconds}
-        print_document(document | ({"recordings": recorded} if options.record else {}))
-    else:
+    recorded: list[dict[str, Any]] = []
+    if not options.as_json:
         _show(results)
-        for row in recorded:
-            words = f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}"
-            Console().print(words, highlight=False, soft_wrap=True)
+    try:
+        if options.record is not None:
+            _record(results, options.record, console, recorded)
+    finally:
+        # Hours of driving are told whatever becomes of their recordings.
+        _tell(options, results, recorded, round(time.monotonic() - begun, 1))
+
+
+def _tell(
+    options: ParkingOptions,
+    results: Sequence[Result],
+    recorded: Sequence[dict[str, Any]],
+    wall_s: float,
+) -> None:
+    """Print the document of an exam, or what was recorded of it, and draw its picture."""
+    if options.as_json:
+        document = {"rows": [result.row() for result in results], "wall_s": wall_s}
+        print_document(document | ({"recordings": recorded} if options.record else {}))
+    for row in () if options.as_json else recorded:
+        words = f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}"
+        Console().print(words, highlight=False, soft_wrap=True)
     if options.plot is not None:
         _draw(results, options.plot)
 
 
-def _record(results: Sequence[Result], folder: Path, console: Console) -> list[dict[str, Any]]:
-    """Drive the first failures of each kind again, and return what was recorded of them."""
+def _record(
+    results: Sequence[Result], folder: Path, console: Console, rows: list[dict[str, Any]]
+) -> None:
+    """Drive the first failures of each kind again, and add what was recorded of them to rows."""
     from race_server.competition.parking_recordings import record_tasks
 
-    rows = []
     with console.status("recording failures", spinner="dots"):
         for result in results:
             kinds = result.failed_seeds().values()
@@ -218,7 +237,6 @@ def _record(results: Sequence[Result], folder: Path, console: Console) -> list[d
                 endings = ", ".join(ending.name.lower() for ending in one.endings)
                 row = {"driver": result.driver, "lot": result.spec.lot, "seed": one.seed}
                 rows.append({**row, "path": str(one.path), "endings": endings})
-    return rows
 
 
 def _examine(

@@ -80,10 +80,12 @@ def unexpected_points(
     observation: (size,), the scan of `rays` ranges [m] from `start` on; far: what is farther away
     than this [m] is left out.
     """
+    # A ray that meets nothing reads the reach, and with noise a little less.
+    far = min(far, eye.reach - NEARNESS)
     count, last, last_ray = 0, 0.0, -2
     for ray in range(rays):
         distance = observation[start + ray]
-        if not 0.0 < distance < min(far, eye.reach):
+        if not 0.0 < distance < far:
             continue
         cos, sin = cos_sin(eye.heading + ray_angle(float(ray), rays, eye.field))
         x, y = eye.x + distance * cos, eye.y + distance * sin

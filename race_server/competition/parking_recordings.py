@@ -5,6 +5,7 @@ the driver inside. It has a countdown, and no delay of controls: the same task, 
 may fare better or worse than in the exam.
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,11 +13,14 @@ from pathlib import Path
 from race_server.competition.launch import free_address
 from race_server.competition.parking_exam import DECISION_TICKS, ExamSpec, Try
 from race_server.core.messages import Ending
+from race_server.errors import RecordingError
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.session import Session
 from race_server.storage.recording.logbook import Logbook
+
+MOST_LETTERS = 32  # of the name of a session
 
 
 @dataclass(frozen=True)
@@ -36,14 +40,20 @@ def record_tasks(
     log: is told of a recording that fails.
 
     Raises:
-        RecordingError: the folder cannot be written.
+        RecordingError: the folder cannot be written, or a recording has failed.
         RaceError: the driver cannot drive there.
     """
     rounds = {one.seed: one.round_seed for one in tries}
     for seed, round_seed in sorted(rounds.items()):
         scenario = replace(spec.scenario_of(), seed=round_seed)
-        name = f"{spec.lot}-{seed}".replace(":", "-")
+        name = _name_of(scenario.course.name, seed)
         yield _record(scenario, driver, seed, name, folder, log)
+
+
+def _name_of(lot: str, seed: int) -> str:
+    """Return a valid name of a session; the seed is always whole."""
+    plain = re.sub(r"[^A-Za-z0-9_.-]", "-", lot).lstrip("-_.") or "lot"
+    return f"{plain[: MOST_LETTERS - len(f'-{seed}')]}-{seed}"
 
 
 def _record(
@@ -57,6 +67,9 @@ def _record(
     ):
         result = RaceServer(session, link, LOCKSTEP, (driver,), logbook=book).run(0)
     assert result is not None
-    (path,) = set(folder.glob("*.mcap")) - before
+    written = set(folder.glob("*.mcap")) - before
+    if not written:
+        raise RecordingError(f"seed {seed} was driven, and no recording of it is in {folder}")
+    (path,) = written
     endings = tuple(row.parking.ending for row in result.standings if row.parking)
     return Recorded(seed, path, endings)

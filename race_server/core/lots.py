@@ -5,7 +5,7 @@ worlds, K vehicles, B blocks, P people, C sites, S slots, Z zones. In a race the
 have the length zero: a race pays nothing for them, and its digest does not change.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,11 @@ BLOCK = record_of(fields_of("x y heading half_length half_width", "kind"))
 # had these headings; see `stages/blocks.py`. Derived from the world: in no digest.
 ROOM = record_of([*fields_of("x y heading room", ""), ("trailers", np.float64, (TRAILERS,))])
 # A person who walks from place to place. `rest_at`: way left [m] of this leg where a stop begins;
-# `against`: 1 + number of the vehicle that they touched in the tick before, 0 for none.
-WALKER = record_of(fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against"))
+# `against`: 1 + number of the last vehicle that they touched in the tick before, 0 for none.
+_WALKER = fields_of("x y to_x to_y speed radius rest_at", "leg rest_ticks against")
+# What came later, in no digest, with a bit for each vehicle: which they have touched since the tick
+# before, and which of these have hit them.
+WALKER = record_of([*_WALKER, *fields_of("", "touching hit")])
 
 # What is fixed about one lot. Shares are of 1, sizes in metres, times in ticks.
 LOT = record_of(
@@ -106,7 +109,14 @@ def part_of_parking(parking: CarPark, cut: slice) -> CarPark:
 
 def bytes_of(parking: CarPark, index: int) -> list[bytes]:
     """Return what the digest of one world takes of its car park; nothing in a race."""
-    rows: tuple[Any, ...] = (parking.blocks, parking.walkers)
-    numbers = np.ascontiguousarray(parking.parkers[index]).view(np.int64)
-    hashed = numbers.reshape(-1, PARKER.itemsize // 8)[:, : len(_PARKER)]
-    return [hashed.tobytes(), *(np.ascontiguousarray(one[index]).tobytes() for one in rows)]
+    return [
+        _first_of(parking.parkers[index], len(_PARKER)),
+        parking.blocks[index].tobytes(),
+        _first_of(parking.walkers[index], len(_WALKER)),
+    ]
+
+
+def _first_of(rows: Records, count: int) -> bytes:
+    """Return the first fields of records, as bytes."""
+    numbers = np.ascontiguousarray(rows).view(np.int64)
+    return numbers.reshape(-1, rows.dtype.itemsize // 8)[:, :count].tobytes()

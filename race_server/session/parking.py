@@ -9,8 +9,11 @@ from race_server.core import codes
 from race_server.core.messages import Ending, Parking
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.parking import ending_of
+from race_server.core.stages.blocks import is_near_block
 from race_server.core.state import World
 from race_server.errors import Reason, SeatError
+from race_server.scenario.lot.faults import TOUCH
+from race_server.scenario.lot.footprint import Footprint
 
 
 def has_lot(world: World) -> bool:
@@ -82,15 +85,16 @@ def _is_promised(world: World, slot: int, kart: int) -> bool:
 
 
 def _is_taken(world: World, slot: int) -> bool:
-    """Return whether the middle of a block lies in a slot."""
+    """Return whether a block reaches into a slot, by more than what stands beside one may."""
     lots = world.parking.lots
-    place = lots.slots[lots.lots[world.rules[0].course].slot_start + slot]
-    cos, sin = math.cos(place.heading), math.sin(place.heading)
+    row = lots.slots[lots.lots[world.rules[0].course].slot_start + slot]
+    place = Footprint(row.x, row.y, row.heading, row.length, row.width).grown(-TOUCH)
+    near = 0.5 * math.hypot(row.length, row.width)
     for block in world.parking.blocks[0]:
-        dx, dy = block.x - place.x, block.y - place.y
-        along, across = abs(dx * cos + dy * sin), abs(dy * cos - dx * sin)
-        if block.kind and along < 0.5 * place.length and across < 0.5 * place.width:
-            return True
+        if is_near_block(block, row.x, row.y, near):
+            size = 2.0 * block.half_length, 2.0 * block.half_width
+            if place.overlaps(Footprint(block.x, block.y, block.heading, *size)):
+                return True
     return False
 
 

@@ -91,6 +91,14 @@ def test_one_ray_alone_is_noise() -> None:
     assert len(seen(ranges, Chart(NO_WALLS, NO_BOXES))) == 0
 
 
+def test_rays_that_meet_nothing_show_nothing_however_noisy() -> None:
+    # A ray that meets nothing reads the reach of 8 m, with noise a little less.
+    nothing = 8.0 - np.tile([0.0, 0.01, 0.05, 0.14], RAYS)[:RAYS]
+    assert len(seen(nothing, Chart(NO_WALLS, NO_BOXES))) == 0
+    # The first of all rays has no neighbour that sees the same.
+    assert len(seen(np.full(RAYS, 7.8), Chart(NO_WALLS, NO_BOXES))) == RAYS - 1
+
+
 def test_a_block_of_the_map_is_expected() -> None:
     ranges = np.zeros(RAYS)
     ranges[44:47] = 3.0

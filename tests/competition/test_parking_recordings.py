@@ -1,15 +1,21 @@
 """Tasks of an exam that failed, driven again in a session."""
 
+import json
 from pathlib import Path
 
 import pytest
+from click.testing import Result
+from typer.testing import CliRunner
 
+from race_agents.commands.exam import app
 from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.competition.parking_recordings import record_tasks
 from race_server.core.driver import Briefing, Driver
 from race_server.core.messages import Control, Ending
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
+from race_server.errors import RecordingError
+from race_server.scenario.places import own_folder
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 
@@ -35,6 +41,53 @@ class Brake:
 
     def act(self, _: Observation) -> Control:
         return Control(brake=1.0)
+
+
+def test_a_lot_given_by_its_path_is_recorded_under_its_own_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a yard of long words, with a comma.toml"
+    path.write_text((own_folder("lots") / "zone-30.toml").read_text(encoding="utf-8"))
+    monkeypatch.setattr("race_server.live.local_drivers.driver_named", lambda _: Brake())
+    spec = ExamSpec(str(path), [SEED], limit_s=1.0)
+    tries = list(drive_exam(spec, "brake", lambda _: Brake()))
+    (recorded,) = record_tasks(spec, "brake", tries, tmp_path / "failures", print)
+    # 32 characters with the seed, as many as a session's name has.
+    assert recorded.path.name.startswith("a-yard-of-long-words--with-a-c-7-")
+
+
+def failing(folder: Path, *more: str) -> Result:
+    """Hold an exam whose one task fails, and record that into a folder."""
+    words = ["parking", "--lot", "yard-70", "--seeds", "1", "--limit-s", "1"]
+    return CliRunner().invoke(app, [*words, "--record", str(folder), *more])
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("race_server.competition.parking_exam.drive_exam", None)
+    (tmp_path / "file").touch()
+    refused = failing(tmp_path / "file")
+    assert isinstance(refused.exception, RecordingError)
+    assert "recordings cannot be written to" in str(refused.exception)
+
+
+@pytest.mark.parametrize("form", ["table", "--json"])
+def test_what_was_driven_is_told_where_it_cannot_be_recorded(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RecordingError("the disk is full")
+
+    monkeypatch.setattr("race_server.competition.parking_recordings.record_tasks", fail)
+    done = failing(tmp_path, *([form] if form == "--json" else []))
+    assert str(done.exception) == "the disk is full"
+    if form == "--json":
+        document = json.loads(done.stdout)
+        assert document["recordings"] == []
+        assert document["rows"][0]["failures"] == {"late": 1}
+    else:
+        assert "late 1, seeds 1" in done.output
 
 
 def test_a_failed_task_is_recorded_as_the_same_task_and_driven_again_it_has_its_digest(

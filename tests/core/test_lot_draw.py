@@ -17,7 +17,7 @@ from race_server.scenario.race import line_up_race, make_world, make_worlds
 from race_server.scenario.track.course import Obstacle
 from race_server.scenario.track.lot import Blocks, Lot, People, Zone
 from race_server.scenario.track.polyline import corners_of_box
-from support.lots import AHEAD, open_lot, park_world
+from support.lots import AHEAD, open_lot, park_world, wait
 
 SEEDS = 200
 KART = (2.06, 1.30)
@@ -127,6 +127,38 @@ def test_people_do_not_walk_through_walls_and_blocks_do_not_stand_in_them() -> N
         for corners in blocks_of(world, 0):
             assert abs(corners[:, 0]).min() > 0.1
             assert abs(np.sign(corners[:, 0]).sum()) == 4
+
+
+def test_people_walk_past_the_corners_of_what_is_fixed() -> None:
+    # A post of 0.1 m stands in a yard of 4 m, turned by 45 degrees: it hides between two squares.
+    zones = (
+        Zone("start", (-8.0, -8.0), (0.0, 0.0)),
+        Zone("people", (-2.0, 2.0), (-2.0, 2.0)),
+    )
+    lot = Lot(np.array([(8.0, 0.0, 0.0, 3.0, 2.0)]), zones, people=People(count=4, stops=0.0))
+    post = Obstacle(0.0, 0.0, np.pi / 4.0, 0.1, 0.1)
+    course = course_of_lot("post", "Post", (-10.0, 10.0, -5.0, 5.0), (post,), lot, "post")
+    nearest = np.inf
+    for seed in range(30):
+        world = park_world(course, seed=seed)
+        for _ in range(60):
+            wait(world, 10)
+            walkers = world.parking.walkers[0]
+            along, across = walkers["x"] + walkers["y"], walkers["x"] - walkers["y"]
+            aside = np.maximum(np.abs([along, across]) / np.sqrt(2.0) - 0.05, 0.0)
+            nearest = min(nearest, np.hypot(*aside).min())
+    assert 0.3 <= nearest < 0.35
+
+
+def test_no_person_begins_in_a_vehicle() -> None:
+    # With 0.3 m around it, the kart takes 5 of the 36 m² of the zone.
+    zones = (Zone("start", (0.0, 0.0), (0.0, 0.0)), Zone("people", (-3.0, 3.0), (-3.0, 3.0)))
+    lot = Lot(np.array([(8.0, 0.0, 0.0, 3.0, 2.0)]), zones, people=People(count=1))
+    course = course_of_lot("crowd", "Crowd", (-10.0, 10.0, -5.0, 5.0), (), lot, "crowd")
+    for seed in range(30):
+        (walker,) = park_world(course, seed=seed).parking.walkers[0]
+        aside = max(abs(walker.x) - 0.5 * KART[0], 0.0), max(abs(walker.y) - 0.5 * KART[1], 0.0)
+        assert np.hypot(*aside) >= walker.radius
 
 
 def test_the_same_seed_gives_the_same_lot_and_another_seed_another(yards: World) -> None:

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from race_server.cli.lot import app
-from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicle_presets import CAR, KART_13, vehicle_named
 from race_server.errors import ScenarioError
 from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.ways import cut_off, ways_in
@@ -200,6 +201,21 @@ def test_eight_vehicles_start_apart_before_the_gate_and_not_in_a_zone_of_one_pla
 def test_a_slot_that_is_good_for_its_vehicle_may_be_too_small_for_another(tmp_path: Path) -> None:
     (finding,) = check_lot("face-to-face", "car", rounds=1)
     assert finding.what.startswith("a slot of 3 by 2 m is too small for car")
+
+
+def test_a_start_zone_that_bends_a_hitch_beyond_its_limit_is_an_error(tmp_path: Path) -> None:
+    # The hitch of a car with a trailer bends by 60 degrees.
+    text = GATE.format(low=4, high=16).replace("length = 5.2", "length = 12")
+    bent = text.replace('role = "start"', 'role = "start"\nhitch = -80')
+    (finding,) = check_lot(write(tmp_path, bent), "car-trailer", rounds=1)
+    assert finding.what == (
+        "a start zone with hitch = 80: car-trailer is jack-knifed beyond 60 degrees; give less, or "
+        "choose another vehicle"
+    )
+    # A car alone has no hitch.
+    assert check_lot(write(tmp_path, bent), rounds=1) == []
+    path = write(tmp_path, bent.replace("-80", "60"))
+    assert list(faults_of(load_lot(path), vehicle_named("car-trailer"))) == []
 
 
 # Commands

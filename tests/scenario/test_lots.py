@@ -186,6 +186,23 @@ def test_a_polygon_in_the_corner_of_the_area_leaves_the_area_as_it_is(tmp_path: 
     assert cut_off(course, CAR) == []
 
 
+@pytest.mark.parametrize(
+    ("key", "near", "far"),
+    [
+        ("obstacles", "89, 69, 45, 1, 1", "20000, 10, 0, 1, 1"),
+        ("obstacles", "20, -10, 0, 130, 1", "20, -10, 0, 150, 1"),
+        ("walls", "0, 0, 90, 70", "0, 0, 20000, 10"),
+    ],
+)
+def test_what_stands_fixed_stays_within_50_m_of_the_area(
+    key: str, near: str, far: str, tmp_path: Path
+) -> None:
+    # The area is 40 m by 20 m.
+    assert len(load(tmp_path, f"{key} = [[{near}]]\n{ONE_BAY}").obstacles) == 1
+    with pytest.raises(LotError, match=rf"{key} = .*: stay within 50 m of the area"):
+        load(tmp_path, f"{key} = [[{far}]]\n{ONE_BAY}")
+
+
 # The manual
 
 

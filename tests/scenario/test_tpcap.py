@@ -145,6 +145,17 @@ def test_a_polygon_that_crosses_itself_is_refused_and_no_file_stays(tmp_path: Pa
     assert not target.exists()
 
 
+@pytest.mark.parametrize("name", ["case.toml", "notes.txt"])
+def test_an_import_that_fails_leaves_the_file_of_before(name: str, tmp_path: Path) -> None:
+    target = tmp_path / name
+    target.write_text("an hour of work")
+    bow = [(8.0, 4.0), (10.0, 6.0), (10.0, 4.0), (8.0, 7.0)]
+    with pytest.raises(LotError, match=r"its sides cross|the file of a lot ends in .toml"):
+        import_case(write(tmp_path, numbers(bow)), target, title="x")
+    assert target.read_text() == "an hour of work"
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted(["Case1.csv", name])
+
+
 def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     source, target = write(tmp_path, numbers(LEFT, RIGHT)), tmp_path / "case.toml"
     done = CliRunner().invoke(app, ["import", str(source), "--to", str(target)])

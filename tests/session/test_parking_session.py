@@ -3,11 +3,12 @@
 import pytest
 
 from race_server.core.driver import Driver
-from race_server.core.messages import Control, Ending, EventKind, Phase
+from race_server.core.messages import Control, Ending, EventKind, Phase, RayHit
 from race_server.core.observation import Observation
 from race_server.errors import SeatError
 from race_server.session import Session
 from race_server.session.interventions import InterventionKind
+from race_server.session.parking import check_slot, free_slot
 from support.lots import Beeline, lot_session, one_slot, open_lot
 from support.sessions import session_on_ring
 
@@ -142,6 +143,21 @@ def test_a_slot_of_another_vehicle_and_one_that_does_not_exist_are_refused() -> 
         session.race_control.park(0, theirs)
     with pytest.raises(SeatError, match="slot 7 does not exist; choose 0 to 1, or -1"):
         session.race_control.park(0, 7)
+
+
+def test_a_slot_with_a_car_halfway_in_it_is_taken_and_one_beside_a_car_is_free() -> None:
+    world = lot_session(open_lot(3), 1).world
+    world.parking.parkers["slot"] = 2
+    car = world.parking.blocks[0, 0]
+    car.kind, car.half_length, car.half_width = RayHit.KART, 2.0, 1.0
+    # Slot 0 reaches from -1.5 to 1.5 m: half of it is under a car whose middle lies outside.
+    car.x, car.y = 2.0, 0.0
+    assert free_slot(world, 0) == 1
+    with pytest.raises(SeatError, match="slot 0 is taken: a vehicle stands there"):
+        check_slot(world, 0, 0)
+    car.x = 3.46  # 0.04 m over the line
+    assert free_slot(world, 0) == 0
+    check_slot(world, 0, 0)
 
 
 def test_a_driver_without_the_wheel_is_heard_but_does_not_drive() -> None:

@@ -31,11 +31,14 @@ def walk(world: World, w: int) -> None:
         if walkers[p].radius <= 0.0:
             continue
         _step(world, w, p)
+        walkers[p].against = 0
         for k in range(world.bodies.shape[1]):
             if world.bodies[w, k].status == codes.RACING and _touches(world, w, k, walkers[p]):
+                walkers[p].against = k + 1
                 _judge(world, w, k, p)
-            elif walkers[p].against == k + 1:
-                walkers[p].against = 0
+            else:
+                walkers[p].touching &= ~(1 << k)
+                walkers[p].hit &= ~(1 << k)
 
 
 @kernel
@@ -59,7 +62,7 @@ def place_walker(world: World, w: int, p: int) -> None:
     """Put a person where they begin, on their first leg."""
     walker, seed = world.parking.walkers[w, p], world.races[w].seed
     lot = world.parking.lots.lots[world.rules[w].course]
-    walker.leg = walker.against = walker.rest_ticks = 0
+    walker.leg = walker.against = walker.rest_ticks = walker.touching = walker.hit = 0
     walker.x = walker.y = walker.to_x = walker.to_y = walker.speed = walker.rest_at = 0.0
     walker.radius = lot.walker_radius if p < lot.walkers else 0.0
     if p >= lot.walkers:
@@ -72,7 +75,8 @@ def place_walker(world: World, w: int, p: int) -> None:
         share_x = uniform(seed, WALKER_STREAM, p, chances + 1)
         share_y = uniform(seed, WALKER_STREAM, p, chances + 2)
         walker.x, walker.y = point_in(world.parking.lots.zones[zone], share_x, share_y)
-        if _is_free(world, w, walker.x, walker.y, walker.radius):
+        is_free = _is_free(world, w, walker.x, walker.y, walker.radius)
+        if is_free and not _touches_any(world, w, walker):
             break
     _begin_leg(world, w, p)
 
@@ -110,21 +114,19 @@ def _begin_leg(world: World, w: int, p: int) -> None:
 def _is_leg_blocked(world: World, w: int, walker: Record) -> bool:
     """Return whether a block or a wall stands on the straight way of a person. walker: WALKER."""
     mx, my = 0.5 * (walker.x + walker.to_x), 0.5 * (walker.y + walker.to_y)
-    half = math.sqrt((mx - walker.x) * (mx - walker.x) + (my - walker.y) * (my - walker.y))
+    dx, dy = walker.to_x - walker.x, walker.to_y - walker.y
+    half = 0.5 * math.sqrt(dx * dx + dy * dy)
     for block in world.parking.blocks[w]:
         if is_near_block(block, mx, my, half + walker.radius):
             box = box_of(grown(block_hull(block), walker.radius))
             if box_on_segment(box, walker.x, walker.y, walker.to_x, walker.to_y)[0] > 0.0:
                 return True
-    steps = int(half / walker.radius) + 1
     site = world.walls.sites[world.rules[w].course]
-    for step in range(steps + 1):
-        share = step / steps
-        x = walker.x + share * (walker.to_x - walker.x)
-        y = walker.y + share * (walker.to_y - walker.y)
-        if not is_free_of_walls(world.walls, site, _square_around(x, y, walker.radius)):
-            return True
-    return False
+    way = Hull(mx, my, math.atan2(dy, dx), 0.0, half, walker.radius, 0)
+    if not is_free_of_walls(world.walls, site, way):
+        return True
+    end = _square_around(walker.to_x, walker.to_y, walker.radius)
+    return not is_free_of_walls(world.walls, site, end)
 
 
 @kernel
@@ -160,6 +162,15 @@ def _touches(world: World, w: int, k: int, walker: Record) -> bool:
 
 
 @kernel
+def _touches_any(world: World, w: int, walker: Record) -> bool:
+    """Return whether a person, as a disc, and any vehicle overlap. walker: WALKER."""
+    for k in range(world.bodies.shape[1]):
+        if world.bodies[w, k].status != codes.ABSENT and _touches(world, w, k, walker):
+            return True
+    return False
+
+
+@kernel
 def is_disc_on_box(box: Box, x: float, y: float, radius: float) -> bool:
     """Return whether a disc and a box overlap. x, y, radius: of the disc [m]."""
     dx, dy = x - box.x, y - box.y
@@ -170,17 +181,16 @@ def is_disc_on_box(box: Box, x: float, y: float, radius: float) -> bool:
 
 @kernel
 def _judge(world: World, w: int, k: int, p: int) -> None:
-    """Count the first tick of a touch: a hit, or a person who walked into a standing vehicle."""
+    """Judge a touch: a hit, or a person who walked into a standing vehicle; each counts once."""
     body, parker = world.bodies[w, k], world.parking.parkers[w, k]
     walker = world.parking.walkers[w, p]
-    if walker.against == k + 1 and abs(body.speed) < STANDING:
-        return
-    is_new = walker.against != k + 1
-    walker.against = k + 1
+    is_new, is_hit = (walker.touching >> k) & 1 == 0, (walker.hit >> k) & 1 == 1
+    walker.touching |= 1 << k
     if abs(body.speed) < STANDING:
-        parker.walked_into += 1
+        parker.walked_into += is_new
         return
-    if is_new:
+    if not is_hit:
+        walker.hit |= 1 << k
         report(world, w, codes.EVENT_HIT_PERSON, k, p, round(abs(body.speed) * 1000.0))
     parker.touched = codes.PERSON
     if world.rules[w].wall_contact == codes.RETIRE:

@@ -20,6 +20,7 @@ def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
     yield from _hidden_slots(course)
     yield from _shared_slots(course)
     yield from _large_taken(course)
+    yield from _bent_starts(course, vehicle)
 
 
 def slots_of(course: Course) -> list[Footprint]:
@@ -94,4 +95,17 @@ def _large_taken(course: Course) -> Iterator[str]:
             f"[taken] of {lot.taken.length:g} by {lot.taken.width:g} m: slots are from {length:g} "
             f"by {width:g} m on, and what is parked in one must not reach out of it; make it "
             "smaller, or the slots larger"
+        )
+
+
+def _bent_starts(course: Course, vehicle: Vehicle) -> Iterator[str]:
+    """A vehicle that begins with a hitch bent beyond its limit is out at once."""
+    lot = course.lot
+    assert lot is not None
+    limit = min((trailer.limit for trailer in vehicle.trailers), default=np.inf)
+    widest = max((zone.hitch for zone in lot.zones if zone.role == "start"), default=0.0)
+    if widest > limit and not lot.from_slots:
+        yield (
+            f"a start zone with hitch = {np.degrees(widest):g}: {vehicle.name} is jack-knifed "
+            f"beyond {np.degrees(limit):.3g} degrees; give less, or choose another vehicle"
         )

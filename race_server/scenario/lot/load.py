@@ -29,8 +29,10 @@ from race_server.scenario.track.limits import (
     MOST_ZONES,
 )
 from race_server.scenario.track.lot import Blocks, Floats, Lot, People, Taken, Zone
-from race_server.scenario.track.polyline import area_of, crossings, segments_of
+from race_server.scenario.track.polyline import area_of, corners_of_box, crossings, segments_of
 from race_server.scenario.track.slots import slots_in
+
+Area = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 
 MOST_ROWS = {
     "obstacles": MOST_OBSTACLES,
@@ -40,7 +42,7 @@ MOST_ROWS = {
     "zones": MOST_ZONES,
 }
 MOST_CORNERS = 64  # of a polygon
-BEYOND = 50.0  # [m] that a polygon may reach out of the area
+BEYOND = 50.0  # [m] that an obstacle may reach out of the area
 LARGEST = 500.0  # [m] of one side of the area
 WALL = 0.1  # [m] thickness of a wall
 LEAST_SQUARE = 1e-4  # [m²] of a polygon
@@ -60,10 +62,10 @@ def load_lot(name: str) -> Course:
         LotError: there is no such lot, or its file is not valid.
     """
     if name.startswith(PREFIX):
-        return _lot_of(name, name, generated_file(name))
+        return lot_of(name, name, generated_file(name))
     path = path_of("lots", name)
     if path is not None:
-        return _lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
+        return lot_of(path.stem, path.name, read_text(path, MOST_TOML, LotError))
     known = ", ".join(lot_names())
     raise LotError(
         f"lot {name!r} is unknown; choose one of {known}, give a .toml file, or a generated lot: "
@@ -72,7 +74,12 @@ def load_lot(name: str) -> Course:
 
 
 @cache
-def _lot_of(name: str, file: str, text: str) -> Course:
+def lot_of(name: str, file: str, text: str) -> Course:
+    """Return the car park of a text as a course. file: what errors call it.
+
+    Raises:
+        LotError: the text is not valid.
+    """
     try:
         words = parse_toml(text)
     except ValueError as error:
@@ -80,7 +87,8 @@ def _lot_of(name: str, file: str, text: str) -> Course:
     reader = TomlReader(file, words, LotError, "lots/README.md", MOST_ROWS)
     title = reader.text("title", name)
     area = _area(reader)
-    obstacles, polygons = (*_walls(reader), *_obstacles(reader)), _polygons(reader, area)
+    obstacles = (*_walls(reader, area), *_obstacles(reader, area))
+    polygons = _polygons(reader, area)
     lot = Lot(
         slots=slots_in(reader, "rows"),
         zones=tuple(_zone(one, area) for one in reader.tables("zones")),
@@ -106,7 +114,7 @@ def _lot_of(name: str, file: str, text: str) -> Course:
     return course
 
 
-def _area(reader: TomlReader) -> tuple[float, float, float, float]:
+def _area(reader: TomlReader) -> Area:
     x0, x1, y0, y1 = reader.row("area", reader.take("area", None), 4)
     for low, high in ((x0, x1), (y0, y1)):
         if not 1.0 <= high - low <= LARGEST:
@@ -123,24 +131,36 @@ def _distance(reader: TomlReader) -> tuple[float, float]:
     return nearest, farthest
 
 
-def _walls(reader: TomlReader) -> list[Obstacle]:
+def _check_near(reader: TomlReader, key: str, value: object, corners: Floats, area: Area) -> None:
+    """Check that corners (N, 2) [m] of what `value` describes do not lie far out of the area."""
+    low, high = np.array(area[::2]) - BEYOND, np.array(area[1::2]) + BEYOND
+    if (corners < low).any() or (corners > high).any():
+        raise reader.wrong(key, value, f"stay within {BEYOND:g} m of the area")
+
+
+def _walls(reader: TomlReader, area: Area) -> list[Obstacle]:
     walls = []
-    for x0, y0, x1, y1 in reader.rows("walls", 4, np.zeros((0, 4))):
+    for row in reader.rows("walls", 4, np.zeros((0, 4))):
+        x0, y0, x1, y1 = row.tolist()
+        _check_near(reader, "walls", [x0, y0, x1, y1], row.reshape(2, 2), area)
         length = math.hypot(x1 - x0, y1 - y0)
         heading = math.atan2(y1 - y0, x1 - x0)
         walls.append(Obstacle(0.5 * (x0 + x1), 0.5 * (y0 + y1), heading, length + WALL, WALL))
     return walls
 
 
-def _obstacles(reader: TomlReader) -> list[Obstacle]:
-    rows = reader.rows("obstacles", 5, np.zeros((0, 5)))
-    for row in rows:
-        if min(row[3], row[4]) <= 0.0:
-            raise reader.wrong("obstacles", row[3:].tolist(), "length and width are positive")
-    return [Obstacle(x, y, math.radians(turn), *size) for x, y, turn, *size in rows.tolist()]
+def _obstacles(reader: TomlReader, area: Area) -> list[Obstacle]:
+    obstacles = []
+    for x, y, turn, *size in reader.rows("obstacles", 5, np.zeros((0, 5))).tolist():
+        if min(size) <= 0.0:
+            raise reader.wrong("obstacles", size, "length and width are positive")
+        box = x, y, math.radians(turn), *size
+        _check_near(reader, "obstacles", [x, y, turn, *size], corners_of_box(*box), area)
+        obstacles.append(Obstacle(*box))
+    return obstacles
 
 
-def _polygons(reader: TomlReader, area: tuple[float, float, float, float]) -> list[Floats]:
+def _polygons(reader: TomlReader, area: Area) -> list[Floats]:
     """Return the corners of all polygons, each clockwise: what is free is on the left of a side."""
     loops = reader.take("polygons", [])
     most = MOST_ROWS["polygons"]
@@ -152,9 +172,7 @@ def _polygons(reader: TomlReader, area: tuple[float, float, float, float]) -> li
         if not isinstance(loop, list) or not 3 <= len(loop) <= MOST_CORNERS:
             raise reader.wrong(key, loop, f"give 3 to {MOST_CORNERS} points [x, y]")
         corners = np.array([reader.row(f"{key}[{n}]", one, 2) for n, one in enumerate(loop, 1)])
-        low, high = np.array(area[::2]) - BEYOND, np.array(area[1::2]) + BEYOND
-        if (corners < low).any() or (corners > high).any():
-            raise reader.wrong(key, loop, f"stay within {BEYOND:g} m of the area")
+        _check_near(reader, key, loop, corners, area)
         if abs(area_of(corners)) < LEAST_SQUARE:
             raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
         if len(crossings(segments_of(corners), first_only=True)):
@@ -163,7 +181,7 @@ def _polygons(reader: TomlReader, area: tuple[float, float, float, float]) -> li
     return polygons
 
 
-def _zone(reader: TomlReader, area: tuple[float, float, float, float]) -> Zone:
+def _zone(reader: TomlReader, area: Area) -> Zone:
     role = reader.choice("role", tuple(ROLES), "")
     x, y = reader.pair("x") or area[:2], reader.pair("y") or area[2:]
     for name, (low, high), (least, most) in (("x", x, area[:2]), ("y", y, area[2:])):

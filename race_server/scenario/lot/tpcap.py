@@ -13,8 +13,9 @@ import numpy as np
 
 from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
+from race_server.kept_file import write_together
 from race_server.scenario.lot.footprint import Footprint, wall_under
-from race_server.scenario.lot.load import MOST_CORNERS, MOST_ROWS, load_lot
+from race_server.scenario.lot.load import MOST_CORNERS, MOST_ROWS, lot_of
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Course, Floats
@@ -57,20 +58,19 @@ def import_case(source: Path, target: Path, *, title: str) -> Course:
     """Write a case as the file of a car park, and return that.
 
     Raises:
-        LotError: the source is no case, or start or goal lies in an obstacle; no file is written
-            then.
+        LotError: the source is no case, start or goal lies in an obstacle, or the target does not
+            end in ``.toml`` or cannot be written; what was there stays as it is then.
     """
+    if target.suffix != ".toml":
+        raise LotError(f"{target}: the file of a lot ends in .toml")
     case = read_case(source)
-    slot = _room_for(source, case)
+    text = _file_of(case, _room_for(source, case), source.name, title)
+    course = lot_of(target.stem, target.name, text)
     try:
-        target.write_text(_file_of(case, slot, source.name, title))
+        write_together({target: text.encode()})
     except OSError as error:
         raise LotError(f"{target}: cannot be written: {error.strerror}") from error
-    try:
-        return load_lot(str(target))
-    except LotError:
-        target.unlink()
-        raise
+    return course
 
 
 def read_case(path: Path) -> Case:

@@ -9,6 +9,7 @@ import contextlib
 import fcntl
 import itertools
 import os
+import tempfile
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -44,6 +45,26 @@ def folder_of(words: str) -> Path | None:
     return user_data("recordings")
 
 
+def check_folder(folder: Path) -> None:
+    """Make a folder, and check before anything is driven that recordings can be written there.
+
+    Raises:
+        RecordingError: they cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
+def _unwritable(folder: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"recordings cannot be written to {folder} ({error.strerror or error}); name another "
+        "folder with --record FOLDER, or race without: --record none"
+    )
+
+
 def recordings_of(folder: Path, session: str) -> list[Path]:
     """Return the recordings of the races of a session that are over, oldest first."""
     return sorted(folder.glob(f"{session}-{STAMP}.mcap"))
@@ -66,10 +87,7 @@ class Logbook:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock, self.session = _locked(folder, session)
         except OSError as error:
-            raise RecordingError(
-                f"recordings cannot be written to {folder} ({error.strerror or error}); name "
-                "another folder with --record FOLDER, or race without: --record none"
-            ) from error
+            raise _unwritable(folder, error) from error
         self._part = folder / f"{self.session}.part.mcap"
         self.journal = folder / f"{self.session}.journal.mcap"
 
