@@ -203,6 +203,15 @@ def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, s
     assert len(connection.taken) == pytest.approx(2 * shown, abs=2)
 
 
+def test_the_snapshot_with_which_a_race_ends_is_shown_to_the_slowest_viewer() -> None:
+    connection = SlowConnection(room=10)
+    viewer = Viewer(outbox_of(connection), rate=1.0)
+    viewer.send_snapshot(600, b"running")
+    viewer.send_snapshot(610, b"too early")
+    viewer.send_snapshot(611, b"over", is_news=True)
+    assert connection.taken == [b"running", b"over"]
+
+
 # The page
 
 

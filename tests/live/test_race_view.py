@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from race_server.core.messages import Event, EventKind
+from race_server.core.messages import Event, EventKind, Phase
 from race_server.live.client.race_view import BACK_TICKS, RaceView, Update
 from race_server.live.server.publisher import snapshot_of
 from race_server.net.wire import topics
@@ -59,6 +59,14 @@ def test_ticks_that_go_far_back_are_those_of_a_server_that_was_started_again(
     assert receive_snapshot(view, replace(frame, tick=600 - BACK_TICKS)) == Update()
     assert receive_snapshot(view, replace(frame, tick=0)) == Update(is_other_race=True)
     assert view.events.recent() == []
+
+
+def test_a_snapshot_of_another_phase_is_told(frame: SnapshotFrame) -> None:
+    view = RaceView(100)
+    receive_snapshot(view, frame)
+    over = replace(frame, tick=601, phase=Phase.FINISHED)
+    assert receive_snapshot(view, over) == Update(is_other_phase=True)
+    assert receive_snapshot(view, replace(over, tick=602)) == Update()
 
 
 def test_the_age_of_the_snapshot_counts_from_the_quickest_one(frame: SnapshotFrame) -> None:

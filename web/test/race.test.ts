@@ -57,3 +57,19 @@ test('events are kept where a server takes up its race a few ticks earlier', () 
   race.take(snapshot({ tick: 880 }), 20);
   expect(race.events).toHaveLength(1);
 });
+
+test('a race is over once its standings say so, though the last snapshot was of a race', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take(table({ phase: Phase.FINISHED }), 10);
+  expect(race.headline?.phase).toBe(Phase.FINISHED);
+  race.take(snapshot({ epoch: 2, tick: 1 }), 1000);
+  expect(race.headline?.phase).toBe(Phase.RUNNING);
+});
+
+test('a snapshot of another phase is read at once', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take(snapshot({ tick: 901, phase: Phase.FINISHED }), 10);
+  expect(race.headline?.phase).toBe(Phase.FINISHED);
+});

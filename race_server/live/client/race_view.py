@@ -54,6 +54,7 @@ class Update:
 
     is_other_race: bool = False  # another race than before, of which something was known
     events: tuple[Event, ...] = ()  # not known before
+    is_other_phase: bool = False  # than that of the snapshot before
 
 
 class RaceView:
@@ -111,7 +112,8 @@ class RaceView:
         is_other = self._enter(frame.epoch, restarted=went_back)
         self.snapshot = frame
         self.offset.record(1e-6 * frame.monotonic_us, now_s)
-        return Update(is_other)
+        is_other_phase = before is not None and before.phase != frame.phase
+        return Update(is_other, is_other_phase=is_other_phase)
 
     def _enter(self, epoch: int, *, restarted: bool = False) -> bool:
         """Begin another race; return whether one was known before.

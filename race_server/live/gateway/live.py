@@ -140,7 +140,8 @@ class LiveRace:
             self._event_frames, self._last_event = EventFrames(self.view.epoch), 0
         if topic is topics.SNAPSHOT and self.view.snapshot is not None:
             frame = self._kept[topic] = frame_of(data)
-            self.audience.publish_snapshot(self.view.snapshot.tick, frame)
+            tick, is_news = self.view.snapshot.tick, update.is_other_phase
+            self.audience.publish_snapshot(tick, frame, is_news=is_news)
         elif topic in _NEWEST:
             kept = topics.STANDINGS if topic is topics.TABLE else topic
             if frames := self._keep(kept, data):
