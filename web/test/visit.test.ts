@@ -120,3 +120,18 @@ test('in a lobby, and while others drive, nobody is told that the server brakes 
   Socket.newest.stand(Phase.RUNNING, Status.ABSENT);
   expect(visit.note).toBeNull();
 });
+
+test('an event is shown no more once the gateway says that there is none', () => {
+  const visit = driving();
+  Socket.newest.call('Ada', 30_000_000n);
+  expect(visit.race.programme).not.toBeNull();
+  Socket.newest.tell({ type: 'notice', code: 'no-event', reason: '' });
+  expect([visit.race.programme, visit.note]).toEqual([null, null]);
+});
+
+test('an event that ended while the line was cut is shown no more', () => {
+  const visit = driving();
+  Socket.newest.call('Ada', 30_000_000n);
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3 });
+  expect(visit.race.programme).toBeNull();
+});

@@ -50,6 +50,9 @@ _NEWEST = {
     topics.PROGRAMME: PROGRAMME,
     topics.GHOSTS: GHOSTS,
 }
+# Of one race: not for viewers who come in another.
+_OF_RACE = (topics.LINKS, topics.LOT, topics.ALERTS, topics.TELEMETRIES)
+_OF_EVENT = (topics.PROGRAMME, topics.GHOSTS)
 _ALL = frozenset({topics.COURSE, topics.RULES, topics.LINE})
 # Events that are remembered: as many as `EventFrames` holds.
 MAX_EVENTS = EVENTS_PER_FRAME * (MAX_WHOLE_FRAMES + 1)
@@ -136,6 +139,10 @@ class LiveRace:
     def _publish(self, topic: Topic, data: bytes, update: Update) -> None:
         if update.is_other_race:
             self._refresh()  # course and rules may be others too
+            self._forget(_OF_RACE)
+        if update.is_event_over:
+            self._forget(_OF_EVENT)
+            self.audience.publish(notice_frame("no-event"))
         if update.is_other_race or self.view.epoch != self._event_frames.epoch:
             self._event_frames, self._last_event = EventFrames(self.view.epoch), 0
         if topic is topics.SNAPSHOT and self.view.snapshot is not None:
@@ -161,6 +168,10 @@ class LiveRace:
             return []
         self._kept[topic] = frame
         return [frame]
+
+    def _forget(self, kept: Iterable[Topic]) -> None:
+        for topic in kept:
+            self._kept.pop(topic, None)
 
     def _publish_events(self, update: Update) -> None:
         events, epoch = list(update.events), self.view.epoch

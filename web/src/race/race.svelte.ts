@@ -225,6 +225,12 @@ export class Race {
     this.readMs = -Infinity;
   }
 
+  /** There is no event any more. */
+  forgetEvent(): void {
+    this.programme = null;
+    this.ghosts = [];
+  }
+
   private forgetDriving(): void {
     this.paces = new Map();
     this.ages = new InputAges();

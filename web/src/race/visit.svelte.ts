@@ -93,12 +93,14 @@ export class Visit {
       case 'welcome':
         this.welcome = told;
         this.notice = null;
+        this.race.forgetEvent(); // one that is on is told again
         this.isReady = false;
         if (told.delay_ms && !isAtTheWheel(told.role)) this.race.buffer.delayMs = told.delay_ms;
         if (this.isRecording) this.send({ type: 'play', speed: 1 });
         return;
       case 'notice':
-        this.notice = told;
+        if (told.code === 'no-event') this.race.forgetEvent();
+        else this.notice = told;
         return;
       case 'ready':
         if (told.accepted) this.isReady = told.ready;
