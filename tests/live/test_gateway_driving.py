@@ -118,6 +118,16 @@ def drive_with_a_thief(lobby: ServedRace) -> None:
     assert not lobby.server.session.seats[1].is_taken
 
 
+def test_who_has_left_comes_back_under_another_name_only_by_the_door(lobby: ServedRace) -> None:
+    with Browser(lobby.base, {**DRIVE, "name": "Ada"}) as driver:
+        word = driver.word("welcome")["resume"]
+        driver.send({"type": "leave"})
+        while driver.receive(2.0) is not None:
+            pass
+    with Browser(lobby.base, {"role": "drive", "resume": word}) as again:
+        assert again.refusal() == ("used", 4410)
+
+
 def test_damaged_and_too_many_controls_are_refused(lobby: ServedRace) -> None:
     for data, code in ((control(1, throttle=3.0), "malformed"), (bytes(300), "too-large")):
         with Browser(lobby.base, DRIVE) as driver:

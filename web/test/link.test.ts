@@ -153,3 +153,22 @@ test('an old control does not queue behind others', () => {
   newest().bufferedAmount = 1000;
   expect(link.sendBytes(bytes)).toBe(false);
 });
+
+test('another driver in the same tab does not come back as the one before', () => {
+  opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word of Ada' });
+  for (const other of [{ name: 'Bea' }, { token: 'of Cleo' }]) {
+    opened({ ...HELLO, ...other });
+    expect(newest().hello).toMatchObject(other);
+    expect(newest().hello).not.toHaveProperty('resume');
+  }
+});
+
+test('who has left the seat takes it anew', () => {
+  const link = opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  link.leave();
+  expect(newest().sent.at(-1)).toBe('{"type":"leave"}');
+  opened();
+  expect(newest().hello).not.toHaveProperty('resume');
+});

@@ -53,6 +53,7 @@ class BrowserSession:
         self._ended = asyncio.Event()
         self._why: GatewayError | None = None
         self._identity = Identity(Role.SPECTATE)
+        self._resume_token = ""
         self._viewer = Viewer(self.outbox, MAX_RATE)
         self._driver_seat: DriverSeat | None = None
         self._companion_seat: CompanionSeat | None = None
@@ -162,13 +163,14 @@ class BrowserSession:
 
     def _send_welcome(self, source: str, session: str, **more: Any) -> None:
         identity = self._identity
+        self._resume_token = self._state.resume_tokens.issue(identity)
         may = {"may": list(ACTS)} if identity.role is Role.STEWARD else {}
         self._send(
             type="welcome",
             role=identity.role.value,
             session=session,
             source=source,
-            resume=self._state.resume_tokens.issue(identity),
+            resume=self._resume_token,
             delay_ms=round(1e3 * self._timing.page_delay_s),
             version=__version__,
             **may,
@@ -255,6 +257,7 @@ class BrowserSession:
 
     async def _handle_driver(self, request: Request, seat: DriverSeat) -> bool:
         if request["type"] == "leave":
+            self._state.resume_tokens.revoke(self._resume_token)
             await seat.leave()
             await self._websocket.close()
             return False

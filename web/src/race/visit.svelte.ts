@@ -74,6 +74,11 @@ export class Visit {
     this.link.open();
   }
 
+  /** Gives the seat up. */
+  leave(): void {
+    this.link.leave();
+  }
+
   close(): void {
     this.link.close();
   }

@@ -66,6 +66,13 @@ export class Link {
     this.listener.onState('closed', null);
   }
 
+  /** Leaves for good: the seat is given up. */
+  leave(): void {
+    this.send({ type: 'leave' });
+    this.keeper.forget();
+    this.close();
+  }
+
   private get isOpen(): boolean {
     return this.socket?.readyState === WebSocket.OPEN;
   }
@@ -132,7 +139,9 @@ export class ResumeKeeper {
   private shown = 0;
 
   constructor(hello: Hello) {
-    this.name = `race.resume.${hello.role}.${hello.source}.${hello.seat}`;
+    // Another driver in the same tab does not come back as the one before.
+    const { role, source, seat, name, token } = hello;
+    this.name = ['race.resume', role, source, seat, name, token].join('.');
     this.most = hello.role === 'drive' ? DRIVER_TRIES : 1;
   }
 
@@ -140,6 +149,11 @@ export class ResumeKeeper {
     this.hasTaken = false;
     this.shown = 0;
     sessionStorage.setItem(this.name, token);
+  }
+
+  /** Who leaves does not come back. */
+  forget(): void {
+    sessionStorage.removeItem(this.name);
   }
 
   /** Returns the token, once. */
