@@ -116,6 +116,27 @@ def test_the_age_of_the_snapshot_counts_from_the_quickest_one(frame: SnapshotFra
     assert view.age_s(50.25) == pytest.approx(0.25)
 
 
+def test_the_clock_of_a_server_is_unknown_before_its_first_snapshot_and_kept_over_its_races(
+    frame: SnapshotFrame,
+) -> None:
+    view = RaceView(100)
+    assert view.server_s(50.0) is None
+    receive_snapshot(view, replace(frame, monotonic_us=10_000_000), 50.0)
+    view.receive(topics.EVENTS, encode_events(2, EVENTS), 50.0)  # another race, none on the track
+    assert view.snapshot is None
+    assert view.server_s(60.0) == 20.0
+    later = replace(frame, epoch=2, monotonic_us=20_500_000)  # half a second on the way
+    receive_snapshot(view, later, 61.0)
+    assert view.server_s(61.0) == 21.0
+
+
+def test_another_server_has_a_clock_of_its_own(frame: SnapshotFrame) -> None:
+    view = RaceView(100)
+    receive_snapshot(view, replace(frame, monotonic_us=1_000_000_000), 50.0)
+    receive_snapshot(view, replace(frame, epoch=2, monotonic_us=10_000_000), 60.0)
+    assert view.server_s(60.0) == 10.0
+
+
 def test_damaged_messages_are_counted_and_change_nothing(frame: SnapshotFrame) -> None:
     view = RaceView(100)
     assert view.receive(topics.SNAPSHOT, build_snapshot(frame)[:-4], 0.0) is None

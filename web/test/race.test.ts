@@ -1,5 +1,6 @@
 import { expect, test } from 'vitest';
 
+import { ServerClock } from '../src/race/clock';
 import { Race } from '../src/race/race.svelte';
 import { Phase } from '../src/wire/tables';
 import type { StandingsFrame } from '../src/wire/frames';
@@ -72,4 +73,11 @@ test('a snapshot of another phase is read at once', () => {
   race.take(snapshot({ tick: 900 }), 0);
   race.take(snapshot({ tick: 901, phase: Phase.FINISHED }), 10);
   expect(race.headline?.phase).toBe(Phase.FINISHED);
+});
+
+test('the clock of another server replaces the one before at once', () => {
+  const clock = new ServerClock();
+  clock.note(0, 2, 1_000_000);
+  clock.note(0, 10, 90_000_000);
+  expect(clock.serverMs(5)).toBe(90_000);
 });

@@ -135,3 +135,11 @@ test('an event that ended while the line was cut is shown no more', () => {
   Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3 });
   expect(visit.race.programme).toBeNull();
 });
+
+test('the clock of a server is unknown until the gateway tells it', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'pong', t: 0 });
+  expect(visit.clock.isKnown).toBe(false);
+  Socket.newest.tell({ type: 'pong', t: 0, server_us: 5_000_000 });
+  expect(visit.clock.isKnown).toBe(true);
+});

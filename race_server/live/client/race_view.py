@@ -33,6 +33,9 @@ BACK_TICKS = 60
 # and again, and for this long [s] no programme, has none.
 EVENT_GONE_S, TABLES_WITHOUT = 3.0, 2
 
+# A race whose first snapshot is this much [s] off comes from a server with another clock.
+CLOCK_JUMP_S = 5.0
+
 _DECODERS: dict[Topic, Callable[[bytes], Any]] = {
     topics.SNAPSHOT: decode_snapshot,
     topics.STANDINGS: decode_standings,
@@ -115,8 +118,11 @@ class RaceView:
         before = self.snapshot
         went_back = before is not None and frame.tick + BACK_TICKS < before.tick
         is_other = self._enter(frame.epoch, restarted=went_back)
+        sent_s = 1e-6 * frame.monotonic_us
+        if self.snapshot is None and abs(now_s - sent_s - self.offset.offset_s) > CLOCK_JUMP_S:
+            self.offset.restart()
         self.snapshot = frame
-        self.offset.record(1e-6 * frame.monotonic_us, now_s)
+        self.offset.record(sent_s, now_s)
         is_other_phase = before is not None and before.phase != frame.phase
         return Update(is_other, is_other_phase=is_other_phase)
 
@@ -143,12 +149,17 @@ class RaceView:
         if epoch == self.epoch and not restarted:
             return False
         is_other = self.epoch >= 0
-        if is_other:
+        if restarted or epoch < self.epoch:
             self.offset.restart()
         self.epoch, self.snapshot, self.lot = epoch, None, None
         self.alerts = self.telemetry = None
         self.events.begin(epoch)
         return is_other
+
+    def server_s(self, now_s: float) -> float | None:
+        """Return the server's clock [s], None before the first snapshot."""
+        offset_s = self.offset.offset_s
+        return now_s - offset_s if offset_s < float("inf") else None
 
     def age_s(self, now_s: float) -> float | None:
         """Return how old [s] the newest snapshot is, None where there is none."""

@@ -232,7 +232,9 @@ class BrowserSession:
         self._texts.spend()
         kind = request["type"]
         if kind == "ping":
-            self._send(type="pong", t=request["t"], server_us=self._state.live.server_us())
+            server_us = self._state.live.server_us()
+            known = {} if server_us is None else {"server_us": server_us}
+            self._send(type="pong", t=request["t"], **known)
         elif kind == "follow":
             self._viewer.seat = request["seat"]
             self._viewer.wants_rays = request["rays"] and self._viewer.seat >= 0

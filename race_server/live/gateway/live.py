@@ -116,13 +116,10 @@ class LiveRace:
         """Send a viewer no more."""
         self.audience.remove(viewer)
 
-    def server_us(self) -> int:
-        """Return the server's clock [us] as of now; our own before the first snapshot."""
-        now = time.monotonic()
-        age, frame = self.view.age_s(now), self.view.snapshot
-        if age is None or frame is None:
-            return round(1e6 * now)
-        return frame.monotonic_us + round(1e6 * age)
+    def server_us(self) -> int | None:
+        """Return the server's clock [us] as of now, None before the first snapshot."""
+        server_s = self.view.server_s(time.monotonic())
+        return None if server_s is None else round(1e6 * server_s)
 
     def _process_all(self) -> None:
         with self._lock:

@@ -122,7 +122,7 @@ export class Visit {
         this.protested = told;
         return;
       case 'pong':
-        this.clock.note(told.t, arrivedMs, told.server_us);
+        if (told.server_us) this.clock.note(told.t, arrivedMs, told.server_us);
         this.roundTripMs = arrivedMs - told.t;
         return;
       case 'position':

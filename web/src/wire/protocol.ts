@@ -53,7 +53,7 @@ export interface Log {
 export interface Pong {
   type: 'pong';
   t: number;
-  server_us: number;
+  server_us?: number; // not before the first snapshot
 }
 
 export interface Position {
