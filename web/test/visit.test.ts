@@ -18,7 +18,11 @@ class Socket {
     Socket.newest = this;
   }
 
-  send(): void {}
+  sent: string[] = [];
+
+  send(text: string): void {
+    this.sent.push(text);
+  }
 
   close(): void {}
 
@@ -142,4 +146,20 @@ test('the clock of a server is unknown until the gateway tells it', () => {
   expect(visit.clock.isKnown).toBe(false);
   Socket.newest.tell({ type: 'pong', t: 0, server_us: 5_000_000 });
   expect(visit.clock.isKnown).toBe(true);
+});
+
+test('a recording goes on after a break where it was, and as it was', () => {
+  const hello = { role: 'spectate', token: '', seat: -1, name: '', rate: 30 } as const;
+  new Visit({ ...hello, source: 'recording:one' });
+  const asked = () => Socket.newest.sent.splice(0).filter((text) => !text.includes('ping'));
+  const welcome = { type: 'welcome', role: 'spectate', resume: 'word' };
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"play","speed":1}']);
+  const position = { type: 'position', tick: 900, first: 0, last: 1000, playing: true, speed: 4 };
+  Socket.newest.tell(position);
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"seek","tick":900}', '{"type":"play","speed":4}']);
+  Socket.newest.tell({ ...position, playing: false });
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"seek","tick":900}']);
 });

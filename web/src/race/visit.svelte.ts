@@ -93,6 +93,13 @@ export class Visit {
     } else if (called && called !== calledBefore) this.isReady = false;
   }
 
+  /** Plays a recording from its start; after a break, as it was. */
+  private playOn(): void {
+    const { tick, playing, speed } = this.position ?? { tick: 0, playing: true, speed: 1 };
+    if (tick) this.send({ type: 'seek', tick });
+    if (playing) this.send({ type: 'play', speed });
+  }
+
   private hear(told: Told, arrivedMs: number): void {
     switch (told.type) {
       case 'welcome':
@@ -101,7 +108,7 @@ export class Visit {
         this.race.forgetEvent(); // one that is on is told again
         this.isReady = false;
         if (told.delay_ms && !isAtTheWheel(told.role)) this.race.buffer.delayMs = told.delay_ms;
-        if (this.isRecording) this.send({ type: 'play', speed: 1 });
+        if (this.isRecording) this.playOn();
         return;
       case 'notice':
         if (told.code === 'no-event') this.race.forgetEvent();
