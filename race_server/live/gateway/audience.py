@@ -70,6 +70,10 @@ class Outbox:
             self.skipped += kind in self._newest
             self._newest[kind] = frame
 
+    def drop_newest(self) -> None:
+        """Send nothing any more of what only its newest message counts: none of it does."""
+        self._newest.clear()
+
     def check(self) -> None:
         """Do nothing for a browser that reads.
 
