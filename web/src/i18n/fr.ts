@@ -27,7 +27,7 @@ export const fr: Words = {
     full: 'La passerelle a tous les visiteurs possibles. Nouvel essai.',
     late: "La passerelle n'a rien reçu à temps. Nouvel essai.",
     malformed:
-      "La passerelle n'a pas compris cette page. Rechargez-la : elle est peut-être ancienne.",
+      "La passerelle a refusé ce qui a été saisi. Si cela semble juste, rechargez cette page.",
     'too-large': 'Cette page a envoyé plus que la passerelle accepte. Rechargez-la.',
     'too-fast': 'Cette page a trop envoyé en trop peu de temps. Nouvel essai, plus lentement.',
     'seat-taken': "Quelqu'un pilote déjà ce siège. Choisissez-en un autre.",
@@ -266,6 +266,7 @@ export const fr: Words = {
     nameHelp: '1 à 32 caractères ; il figure au classement',
     seat: 'Siège',
     anySeat: "n'importe lequel de libre",
+    seatHelp: 'Un numéro de 0 à 63, ou rien',
     token: 'Jeton',
     tokenHelp: "De l'adresse que `race gateway` a affichée pour les pilotes",
     take: 'Prendre le siège',
