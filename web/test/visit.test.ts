@@ -163,3 +163,30 @@ test('a recording goes on after a break where it was, and as it was', () => {
   Socket.newest.tell(welcome);
   expect(asked()).toEqual(['{"type":"seek","tick":900}']);
 });
+
+test('a refusal is gone once what was asked for is accepted, or after a while', () => {
+  vi.useFakeTimers();
+  const visit = driving();
+  const refused = { type: 'ready', ready: true, accepted: false, reason: 'no answer' };
+  Socket.newest.tell(refused);
+  expect(visit.note?.reason).toBe('no answer');
+  Socket.newest.tell({ ...refused, accepted: true, reason: '' });
+  expect(visit.note).toBeNull();
+  Socket.newest.tell({ type: 'park', park: true, accepted: false, reason: 'no slot' });
+  expect(visit.parkRefusal).toBe('no slot');
+  vi.advanceTimersByTime(10_000);
+  expect(visit.parkRefusal).toBe('');
+  vi.useRealTimers();
+});
+
+test('that no race is there is said until one is, whatever is said about the wheel', () => {
+  const visit = driving();
+  Socket.newest.stand(Phase.RUNNING);
+  Socket.newest.tell({ type: 'notice', code: 'no-race', reason: 'no race yet' });
+  Socket.newest.tell({ type: 'notice', code: 'dead-man', reason: 'no control' });
+  expect(visit.note?.code).toBe('no-race');
+  Socket.newest.tell({ type: 'notice', code: 'driving', reason: '' });
+  expect(visit.note?.code).toBe('no-race');
+  Socket.newest.tell({ type: 'notice', code: 'race', reason: '' });
+  expect(visit.note).toBeNull();
+});
