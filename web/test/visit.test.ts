@@ -190,3 +190,30 @@ test('that no race is there is said until one is, whatever is said about the whe
   Socket.newest.tell({ type: 'notice', code: 'race', reason: '' });
   expect(visit.note).toBeNull();
 });
+
+test('who was ready is so after a reload, until the next race', () => {
+  const visit = driving();
+  const welcome = { type: 'welcome', role: 'drive', resume: 'word', seat: 3 };
+  Socket.newest.tell({ ...welcome, ready: true, park: false });
+  Socket.newest.stand(Phase.LOBBY);
+  expect(visit.isReady).toBe(true);
+  Socket.newest.stand(Phase.RUNNING);
+  Socket.newest.stand(Phase.LOBBY);
+  expect(visit.isReady).toBe(false);
+});
+
+test('who was ready for a call is so after a reload, until the next call', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3, ready: true });
+  Socket.newest.call('Ada', 30_000_000n);
+  expect(visit.isReady).toBe(true);
+  Socket.newest.call('Ada', 60_000_000n);
+  expect(visit.isReady).toBe(false);
+});
+
+test('who has the vehicle parked reads so after a reload', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3, park: true });
+  Socket.newest.stand(Phase.RUNNING);
+  expect(visit.isParking).toBe(true);
+});

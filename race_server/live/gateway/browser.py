@@ -139,6 +139,8 @@ class BrowserSession:
         self._driver_seat = seat
         self._viewer.seat = seat.number_of_seat
         more = {"seat": seat.number_of_seat, "sequence": seat.sequence, "preset": PRESET}
+        moment = self._state.live.moment
+        more |= {kind: seat.has_asked(topic, moment) for kind, topic in _OF_SEAT.items()}
         self._send_welcome("live", self._state.settings.session, **more)
         self._state.live.join(self._viewer)
         self.outbox.send(briefing)
@@ -266,7 +268,7 @@ class BrowserSession:
         kind, reason = request["type"], ""
         wanted = request[kind]
         try:
-            await seat.ask(_OF_SEAT[kind], wanted=wanted)
+            await seat.ask(_OF_SEAT[kind], wanted=wanted, moment=self._state.live.moment)
         except RaceError as error:
             reason = str(error)
         self._send(type=kind, accepted=not reason, reason=reason, **{kind: wanted})

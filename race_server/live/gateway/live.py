@@ -6,7 +6,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from typing import NamedTuple
 
+from race_server.core.messages import EventPhase, Phase
 from race_server.live.client.race_view import RaceView, Update
 from race_server.live.gateway.audience import (
     ALERTS,
@@ -57,6 +59,14 @@ _ALL = frozenset({topics.COURSE, topics.RULES, topics.LINE})
 # Events that are remembered: as many as `EventFrames` holds.
 MAX_EVENTS = EVENTS_PER_FRAME * (MAX_WHOLE_FRAMES + 1)
 NO_RACE = "no race yet: the server does not answer; the page goes on by itself once it does"
+
+
+class Moment(NamedTuple):
+    """What readiness and parking are for: they end with it."""
+
+    epoch: int
+    is_lobby: bool
+    call: tuple[int, int] | None  # of an event: attempts driven before, and until when it waits
 
 
 class LiveRace:
@@ -120,6 +130,16 @@ class LiveRace:
         """Return the server's clock [us] as of now, None before the first snapshot."""
         server_s = self.view.server_s(time.monotonic())
         return None if server_s is None else round(1e6 * server_s)
+
+    @property
+    def moment(self) -> Moment:
+        """The race, lobby or call that is on."""
+        view = self.view
+        standings, programme = view.standings, view.programme
+        is_lobby = standings is not None and standings.phase == Phase.LOBBY
+        is_call = programme is not None and programme.phase == EventPhase.CALLED
+        call = (programme.driven, programme.until_us) if programme and is_call else None
+        return Moment(view.epoch, is_lobby, call)
 
     def _process_all(self) -> None:
         with self._lock:

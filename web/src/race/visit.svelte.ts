@@ -38,6 +38,9 @@ export class Visit {
   private readonly notices = new Notices();
   readonly isRecording: boolean;
   private readonly link: Link;
+  // What the welcome is for, null until that is known.
+  private wasLobby: boolean | null = null;
+  private call: string | null = null; // the newest of an event
 
   constructor(readonly hello: Hello) {
     this.isRecording = hello.source.startsWith('recording:');
@@ -94,13 +97,21 @@ export class Visit {
   }
 
   private take(frame: Frame, arrivedMs: number): void {
-    const [before, calledBefore] = [this.race.standings?.phase, callOf(this.race.programme)];
     this.race.take(frame, arrivedMs);
-    const called = callOf(this.race.programme);
-    // Readiness for one race does not count for the next; in an event it is asked for by each call.
-    if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) {
-      [this.isReady, this.isParking] = [false, false];
-    } else if (called && called !== calledBefore) this.isReady = false;
+    if (frame.kind === 'standings') this.noteLobby(frame.phase === Phase.LOBBY);
+    if (frame.kind === 'programme') this.noteCall(callOf(frame));
+  }
+
+  /** Readiness for one race does not count for the next. */
+  private noteLobby(isLobby: boolean): void {
+    if (this.wasLobby === false && isLobby) [this.isReady, this.isParking] = [false, false];
+    this.wasLobby = isLobby;
+  }
+
+  /** In an event each call asks for readiness. */
+  private noteCall(call: string): void {
+    if (this.call !== null && call && call !== this.call) this.isReady = false;
+    this.call = call || (this.call ?? '');
   }
 
   /** Plays a recording from its start; after a break, as it was. */
@@ -116,7 +127,8 @@ export class Visit {
         this.welcome = told;
         this.notices.clear();
         this.race.forgetEvent(); // one that is on is told again
-        this.isReady = false;
+        [this.isReady, this.isParking] = [told.ready ?? false, told.park ?? false];
+        [this.wasLobby, this.call] = [null, null];
         if (told.delay_ms && !isAtTheWheel(told.role)) this.race.buffer.delayMs = told.delay_ms;
         if (this.isRecording) this.playOn();
         return;

@@ -16,6 +16,8 @@ export interface Welcome {
   role: Role;
   session: string;
   seat?: number;
+  ready?: boolean; // what a driver who comes back asked for, and what still holds
+  park?: boolean;
   sequence?: number; // of a driver's newest control that the server accepted
   source: string;
   resume: string; // token for one reconnection
