@@ -318,6 +318,7 @@ export const en = {
       'The recording of the race holds every input. When it is over, make a demonstration of it:',
     copy: 'Copy',
     copied: 'Copied',
+    selected: 'Selected. Copy it with the keys or the menu of your browser.',
     keys: 'Arrows or WASD drive · Space brakes · E uses the item · R asks for rescue',
   },
   beside: { title: 'Beside a driver', leave: 'Leave' },

@@ -312,6 +312,7 @@ export const fr: Words = {
       'La course garde toutes les commandes. Une fois finie, ceci en fait une démonstration :',
     copy: 'Copier',
     copied: 'Copié',
+    selected: 'Sélectionné. Copiez-le avec le clavier ou le menu du navigateur.',
     keys: 'Flèches ou ZQSD pour piloter · Espace freine · E utilise l’objet · R demande de l’aide',
   },
   beside: { title: 'À côté d’un pilote', leave: 'Quitter' },
