@@ -58,7 +58,8 @@ export class Pace {
   trace(lap: number): LapTrace {
     const { ticks, speeds } = this.steps.get(lap) ?? unknown();
     const begin = this.lines[lap] ?? NaN;
-    return { seconds: ticks.map((tick) => (tick - begin) / TICKS_PER_SECOND), speeds: speeds.slice() };
+    const seconds = ticks.map((tick) => (tick - begin) / TICKS_PER_SECOND);
+    return { seconds, speeds: speeds.slice() };
   }
 
   /** The lap that is being driven, counted from 0; -1 before the timing line. */
