@@ -9,11 +9,13 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core.messages import Control
 from race_server.live.gateway.limits import GatewayTiming
+from race_server.net.wire import topics
 from race_server.net.wire.drive import ControlFrame, decode_hud, encode_control
 from race_server.net.wire.lobby import decode_welcome
 from race_server.net.wire.spectate import decode_snapshot
 from support.browsers import DRIVE, STEWARD, Browser
 from support.served_race import ServedRace, gated, racing, wait_for_race
+from support.servers import wait_until
 
 pytestmark = pytest.mark.net
 
@@ -116,6 +118,34 @@ def drive_with_a_thief(lobby: ServedRace) -> None:
         assert again.socket.close_code == 1000
     assert lobby.server is not None
     assert not lobby.server.session.seats[1].is_taken
+
+
+def test_who_has_left_comes_back_under_another_name_only_by_the_door(lobby: ServedRace) -> None:
+    with Browser(lobby.base, {**DRIVE, "name": "Ada"}) as driver:
+        word = driver.word("welcome")["resume"]
+        driver.send({"type": "leave"})
+        while driver.receive(2.0) is not None:
+            pass
+    with Browser(lobby.base, {"role": "drive", "resume": word}) as again:
+        assert again.refusal() == ("used", 4410)
+
+
+def test_who_was_ready_is_told_so_after_a_reload_but_not_in_the_next_lobby() -> None:
+    address = free_address()
+    with racing(address, drivers=2) as server, gated(address) as served:
+        served.server = server
+        wait_for_race(served)
+        wait_until(lambda: served.state.live.view.standings is not None, 10.0)
+        with Browser(served.base, DRIVE) as driver:
+            welcome = driver.word("welcome")
+            assert (welcome["ready"], welcome["park"]) == (False, False)
+            driver.send({"type": "ready", "ready": True})
+            assert driver.word("ready")["accepted"]
+        with Browser(served.base, {"role": "drive", "resume": welcome["resume"]}) as again:
+            welcome = again.word("welcome")
+            assert (welcome["ready"], welcome["park"]) == (True, False)
+        seat, moment = served.state.driver_seats[0], served.state.live.moment
+        assert not seat.has_asked(topics.READY, moment._replace(epoch=moment.epoch + 1))
 
 
 def test_damaged_and_too_many_controls_are_refused(lobby: ServedRace) -> None:

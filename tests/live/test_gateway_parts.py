@@ -19,7 +19,13 @@ from race_server.core.messages import Event, EventKind
 from race_server.errors import GatewayError
 from race_server.live.gateway.audience import Outbox, Viewer
 from race_server.live.gateway.driver_seat import DriverSeat
-from race_server.live.gateway.frames import EventFrames, RecordedEventFrames, event_frames
+from race_server.live.gateway.frames import (
+    EventFrames,
+    RecordedEventFrames,
+    event_frames,
+    frame_of,
+    notice_frame,
+)
 from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
 from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.page import NOT_BUILT, Page
@@ -27,15 +33,15 @@ from race_server.live.gateway.rays import RayCaster
 from race_server.live.server.publisher import snapshot_of
 from race_server.logs import Log
 from race_server.net.wire import topics
+from race_server.net.wire.programme import encode_programme
 from race_server.net.wire.sheets import course_sheet
-from race_server.net.wire.spectate import (
-    encode_events,
-)
+from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Obstacle
 from race_server.session import Session
 from support.courses import SMALL_RING
+from support.messages import PROGRAMME, STANDINGS
 
 # Claim, resume, release
 
@@ -194,6 +200,29 @@ def test_late_events_reach_all_viewers_and_new_ones_in_order() -> None:
     assert late[1:] == event_frames(1, events)
 
 
+def test_who_comes_after_an_event_is_told_of_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [10.0]
+    clock = SimpleNamespace(monotonic=lambda: now_s[0])
+    monkeypatch.setattr("race_server.live.gateway.live.time", clock)
+    table, event = encode_standings(STANDINGS), encode_programme(PROGRAMME)
+
+    async def play() -> tuple[list[bytes], list[bytes]]:
+        live = LiveRace(asyncio.get_running_loop(), Log(), lambda: None, 16)
+        early, late = SlowConnection(100), SlowConnection(100)
+        live.join(Viewer(outbox_of(early), 30.0))
+        live.receive(topics.PROGRAMME, event)
+        await asyncio.sleep(0)
+        for now_s[0] in (20.0, 20.5):  # another server, without an event
+            live.receive(topics.STANDINGS, table)
+            await asyncio.sleep(0)
+        live.join(Viewer(outbox_of(late), 30.0))
+        return early.taken, late.taken
+
+    early, late = asyncio.run(play())
+    assert early[1:] == [frame_of(event), frame_of(table), notice_frame("no-event")]
+    assert late[1:] == [frame_of(table)]
+
+
 @pytest.mark.parametrize(("rate", "shown"), [(60, 60), (45, 45), (30, 30), (20, 20), (1, 1)])
 def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, shown: int) -> None:
     connection = SlowConnection(room=1000)
@@ -201,6 +230,15 @@ def test_a_viewer_is_shown_as_many_snapshots_a_second_as_it_wants(rate: float, s
     for tick in [*range(600, 660), *range(60)]:  # a new race begins at tick 0 again
         viewer.send_snapshot(tick, b"")
     assert len(connection.taken) == pytest.approx(2 * shown, abs=2)
+
+
+def test_the_snapshot_with_which_a_race_ends_is_shown_to_the_slowest_viewer() -> None:
+    connection = SlowConnection(room=10)
+    viewer = Viewer(outbox_of(connection), rate=1.0)
+    viewer.send_snapshot(600, b"running")
+    viewer.send_snapshot(610, b"too early")
+    viewer.send_snapshot(611, b"over", is_news=True)
+    assert connection.taken == [b"running", b"over"]
 
 
 # The page

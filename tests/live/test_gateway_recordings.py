@@ -1,8 +1,11 @@
 """Recordings that a gateway lists, opens and plays."""
 
+import asyncio
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +13,10 @@ import pytest
 
 from race_server.competition.launch import free_address
 from race_server.errors import GatewayError, RecordingError
+from race_server.live.gateway.audience import Outbox, Viewer
 from race_server.live.gateway.library import Library
-from race_server.live.gateway.limits import GatewayLimits
+from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
+from race_server.live.gateway.playback import Player
 from race_server.net.wire.line import decode_line
 from race_server.net.wire.lobby import decode_course
 from race_server.net.wire.spectate import (
@@ -166,6 +171,81 @@ def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording:
         browser.send({"type": "seek", "tick": last - 30})
         end = browser.until(lambda h: isinstance(h, dict) and h.get("tick") == last)
         assert not end["playing"]
+
+
+class Line:
+    """A connection that can be cut for a while."""
+
+    def __init__(self) -> None:
+        self.is_open = self.is_writable = True
+        self.on_writable: Callable[[], None] | None = None
+        self.sent: list[bytes] = []
+
+    def put(self, frame: bytes) -> None:
+        self.sent.append(frame)
+
+    def on_admitted(self) -> None:
+        pass
+
+    def go_on(self) -> None:
+        self.sent.clear()
+        self.is_writable = True
+        assert self.on_writable is not None
+        self.on_writable()
+
+
+@asynccontextmanager
+async def playing(recording: Path, line: Line) -> AsyncIterator[Player]:
+    opened, events = Library(recording.parent, GatewayLimits()).open(recording.stem)
+    viewer = Viewer(Outbox(line, GatewayLimits(), unread_s=10.0), rate=60.0)
+    with ThreadPoolExecutor(1) as pool:
+        player = Player(viewer, opened, events, pool, GatewayTiming())
+        task = asyncio.create_task(player.run())
+        yield player
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+def positions(frames: list[bytes]) -> list[int]:
+    texts = [frame[frame.index(b"{") :] for frame in frames if b'"position"' in frame]
+    return [json.loads(text)["tick"] for text in texts]
+
+
+@pytest.mark.net
+def test_nothing_of_the_place_before_comes_after_a_seek_on_a_slow_line(recording: Path) -> None:
+    async def play() -> list[bytes]:
+        line = Line()
+        async with playing(recording, line) as player:
+            player.handle({"type": "play", "speed": 4.0})
+            await asyncio.sleep(0.5)
+            line.is_writable = False
+            await asyncio.sleep(0.3)
+            player.handle({"type": "pause"})
+            player.handle({"type": "seek", "tick": 10})
+            await asyncio.sleep(0.3)
+            line.go_on()
+            return list(line.sent)
+
+    sent = asyncio.run(play())
+    assert positions(sent)[-1] == 10
+    shown = [frame[frame.index(b"RSNP") - 4 :] for frame in sent if b"RSNP" in frame[:16]]
+    assert max(decode_snapshot(data).tick for data in shown) <= 10
+
+
+@pytest.mark.net
+def test_a_step_counts_from_the_place_that_is_sought(recording: Path) -> None:
+    async def play() -> list[bytes]:
+        line = Line()
+        async with playing(recording, line) as player:
+            await asyncio.sleep(0.3)
+            player.handle({"type": "seek", "tick": 100})
+            while player._sought is not None:
+                await asyncio.sleep(0)
+            player.handle({"type": "step", "ticks": 1})
+            await asyncio.sleep(0.3)
+            return list(line.sent)
+
+    assert positions(asyncio.run(play()))[-1] == 101
 
 
 @pytest.mark.net

@@ -65,8 +65,8 @@ export function keptHello(): Hello | null {
   const kept = sessionStorage.getItem('race.seat');
   if (!kept) return null;
   const hello = JSON.parse(kept) as Hello;
-  // The address may have brought a newer token.
-  return { ...hello, token: tokenFor(hello.role) };
+  // The address may have brought the token of another driver.
+  return hello.token === tokenFor(hello.role) ? hello : null;
 }
 
 /** Reads the address, keeps its token and removes it, so that it is not visible there. */

@@ -6,10 +6,10 @@ import { Keyboard } from '../src/input/keyboard';
 import { Touch } from '../src/input/touch';
 import { pedals, tyreLock } from '../src/input/wheel';
 
-function padState(steering: number, go = 0): PadState {
+function padState(steering: number, go = 0, index = 0): PadState {
   const buttons = Array.from({ length: 16 }, () => ({ value: 0, pressed: false }));
   buttons[7] = { value: go, pressed: go > 0 };
-  return { axes: [steering], buttons };
+  return { index, axes: [steering], buttons };
 }
 
 test('a key turns the wheel at the speed of a hand, and left is positive', () => {
@@ -43,7 +43,7 @@ test('braking turns into reverse once the kart stands', () => {
 test('the device that was moved last drives', () => {
   let pad: PadState | null = padState(0);
   const keyboard = new Keyboard();
-  const hands = new Hands([keyboard, new Pad(() => pad)]);
+  const hands = new Hands([keyboard, new Pad(() => (pad ? [pad] : []))]);
   expect(hands.read(0, 0)).toMatchObject({ device: 'none', isHeld: false });
   keyboard.take('ArrowUp', true, 10);
   expect(hands.read(20, 0)).toMatchObject({ device: 'keyboard', isHeld: true });
@@ -54,7 +54,7 @@ test('the device that was moved last drives', () => {
 
 test('nobody drives when the gamepad that drove is unplugged', () => {
   let pad: PadState | null = padState(0);
-  const hands = new Hands([new Pad(() => pad)]);
+  const hands = new Hands([new Pad(() => (pad ? [pad] : []))]);
   hands.read(0, 0);
   pad = padState(0, 1);
   expect(hands.read(10, 0).isHeld).toBe(true);
@@ -101,4 +101,16 @@ test('keys turn the wheel no further than the tyres hold', () => {
   keyboard.take('KeyD', true, 0);
   keyboard.read(0, 13);
   expect(keyboard.read(500, 13).steering).toBeCloseTo(-tyreLock(kart, 13));
+});
+
+test('of two gamepads the one that was moved last drives, and no other takes its place', () => {
+  let pads = [padState(0), padState(0, 0, 1)];
+  const hands = new Hands([new Pad(() => pads)]);
+  hands.read(0, 5);
+  pads = [padState(0), padState(0, 1, 1)];
+  expect(hands.read(10, 5)).toMatchObject({ isHeld: true, wheel: { throttle: 1 } });
+  pads = [padState(-1), padState(0, 1, 1)];
+  expect(hands.read(20, 5).wheel).toMatchObject({ steering: 1, throttle: 0 });
+  pads = [padState(0, 1, 1)];
+  expect(hands.read(30, 5).isHeld).toBe(false);
 });

@@ -29,9 +29,10 @@ class Socket {
     this.onmessage({ data: JSON.stringify(words) });
   }
 
-  /** What it said first. */
+  /** What it said first: pings before that go nowhere. */
   get hello(): Record<string, unknown> {
-    return JSON.parse(this.sent[0]!) as Record<string, unknown>;
+    const told = this.sent.map((text) => JSON.parse(text) as Record<string, unknown>);
+    return told.find(({ type }) => type !== 'ping')!;
   }
 }
 
@@ -152,4 +153,54 @@ test('an old control does not queue behind others', () => {
   expect(link.sendBytes(bytes)).toBe(true);
   newest().bufferedAmount = 1000;
   expect(link.sendBytes(bytes)).toBe(false);
+});
+
+test('another driver in the same tab does not come back as the one before', () => {
+  opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word of Ada' });
+  for (const other of [{ name: 'Bea' }, { token: 'of Cleo' }]) {
+    opened({ ...HELLO, ...other });
+    expect(newest().hello).toMatchObject(other);
+    expect(newest().hello).not.toHaveProperty('resume');
+  }
+});
+
+test('who has left the seat takes it anew', () => {
+  const link = opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  link.leave();
+  expect(newest().sent.at(-1)).toBe('{"type":"leave"}');
+  opened();
+  expect(newest().hello).not.toHaveProperty('resume');
+});
+
+test('a link on which no ping is answered is lost within eight seconds', () => {
+  opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  const dead = newest();
+  dead.close = () => {}; // no network: the browser waits for an answer
+  vi.advanceTimersByTime(5000);
+  expect(states.at(-1)).toBe('open');
+  vi.advanceTimersByTime(3000);
+  expect(states).toContain('waiting');
+  expect(dead.onmessage).toBeNull();
+  vi.advanceTimersByTime(1000);
+  expect(Socket.made).toHaveLength(2);
+});
+
+test('a link on which something comes now and then is not lost', () => {
+  opened();
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  for (let seconds = 0; seconds < 60; seconds += 5) {
+    vi.advanceTimersByTime(5000);
+    newest().tell({ type: 'pong', t: 0 });
+  }
+  expect(Socket.made).toHaveLength(1);
+});
+
+test('a gateway that takes ten seconds to find a seat is waited for', () => {
+  opened();
+  vi.advanceTimersByTime(10_000);
+  newest().tell({ type: 'welcome', role: 'drive', resume: 'word one' });
+  expect(states.at(-1)).toBe('open');
 });

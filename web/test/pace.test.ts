@@ -54,3 +54,16 @@ test('what was not seen is not known', () => {
   expect(trace.speeds).toHaveLength(BINS);
   expect(Number.isNaN(trace.seconds[10])).toBe(true);
 });
+
+test('of a long race this lap, the one before and the best are kept', () => {
+  const pace = new Pace(240);
+  let way = 0;
+  for (let tick = 0; way < 20 * 240 + 60; tick++) {
+    pace.note(kart({ progress: way % 240, laps: Math.floor(way / 240) }), tick, false);
+    way += way >= 3 * 240 && way < 4 * 240 ? 2 : 1;
+  }
+  const known = (lap: number) => !Number.isNaN(pace.trace(lap).seconds[30]!);
+  const laps = Array.from({ length: 21 }, (_, lap) => lap);
+  expect(laps.filter(known)).toEqual([3, 19, 20]);
+  expect(pace.bestLap).toBe(3);
+});

@@ -1,5 +1,6 @@
 import { expect, test } from 'vitest';
 
+import { ServerClock } from '../src/race/clock';
 import { Race } from '../src/race/race.svelte';
 import { Phase } from '../src/wire/tables';
 import type { StandingsFrame } from '../src/wire/frames';
@@ -56,4 +57,27 @@ test('events are kept where a server takes up its race a few ticks earlier', () 
   race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 800 })] }, 0);
   race.take(snapshot({ tick: 880 }), 20);
   expect(race.events).toHaveLength(1);
+});
+
+test('a race is over once its standings say so, though the last snapshot was of a race', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take(table({ phase: Phase.FINISHED }), 10);
+  expect(race.headline?.phase).toBe(Phase.FINISHED);
+  race.take(snapshot({ epoch: 2, tick: 1 }), 1000);
+  expect(race.headline?.phase).toBe(Phase.RUNNING);
+});
+
+test('a snapshot of another phase is read at once', () => {
+  const race = new Race();
+  race.take(snapshot({ tick: 900 }), 0);
+  race.take(snapshot({ tick: 901, phase: Phase.FINISHED }), 10);
+  expect(race.headline?.phase).toBe(Phase.FINISHED);
+});
+
+test('the clock of another server replaces the one before at once', () => {
+  const clock = new ServerClock();
+  clock.note(0, 2, 1_000_000);
+  clock.note(0, 10, 90_000_000);
+  expect(clock.serverMs(5)).toBe(90_000);
 });

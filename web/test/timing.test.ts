@@ -4,6 +4,7 @@ import { lapPlaces } from '../src/race/lapchart';
 import { Response } from '../src/race/response';
 import { tableOf } from '../src/race/table';
 import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
+import { Phase } from '../src/wire/tables';
 import { kart, snapshot } from './frames';
 
 function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingFrame {
@@ -42,6 +43,22 @@ test('the table is in the order of the server', () => {
   });
   expect(rows.map((row) => row.seat)).toEqual([1, 0]);
   expect(rows.map((row) => row.isBest)).toEqual([true, false]);
+});
+
+test('after the finish a penalty changes the order, whatever the last snapshot said', () => {
+  const rows = tableOf({
+    snapshot: snapshot({ karts: [kart({ seat: 0, rank: 1 }), kart({ seat: 1, rank: 2 })] }),
+    standings: {
+      ...standings([standing(0, { rank: 2, status: 2 }), standing(1, { rank: 1, status: 2 })]),
+      phase: Phase.FINISHED,
+    },
+    paces: new Map(),
+    ages: new Map(),
+  });
+  expect(rows.map(({ seat, status }) => [seat, status])).toEqual([
+    [1, 2],
+    [0, 2],
+  ]);
 });
 
 test('the gap of karts that are home is that of their times', () => {

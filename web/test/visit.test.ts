@@ -18,7 +18,11 @@ class Socket {
     Socket.newest = this;
   }
 
-  send(): void {}
+  sent: string[] = [];
+
+  send(text: string): void {
+    this.sent.push(text);
+  }
 
   close(): void {}
 
@@ -119,4 +123,97 @@ test('in a lobby, and while others drive, nobody is told that the server brakes 
   expect(visit.note).toBeNull();
   Socket.newest.stand(Phase.RUNNING, Status.ABSENT);
   expect(visit.note).toBeNull();
+});
+
+test('an event is shown no more once the gateway says that there is none', () => {
+  const visit = driving();
+  Socket.newest.call('Ada', 30_000_000n);
+  expect(visit.race.programme).not.toBeNull();
+  Socket.newest.tell({ type: 'notice', code: 'no-event', reason: '' });
+  expect([visit.race.programme, visit.note]).toEqual([null, null]);
+});
+
+test('an event that ended while the line was cut is shown no more', () => {
+  const visit = driving();
+  Socket.newest.call('Ada', 30_000_000n);
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3 });
+  expect(visit.race.programme).toBeNull();
+});
+
+test('the clock of a server is unknown until the gateway tells it', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'pong', t: 0 });
+  expect(visit.clock.isKnown).toBe(false);
+  Socket.newest.tell({ type: 'pong', t: 0, server_us: 5_000_000 });
+  expect(visit.clock.isKnown).toBe(true);
+});
+
+test('a recording goes on after a break where it was, and as it was', () => {
+  const hello = { role: 'spectate', token: '', seat: -1, name: '', rate: 30 } as const;
+  new Visit({ ...hello, source: 'recording:one' });
+  const asked = () => Socket.newest.sent.splice(0).filter((text) => !text.includes('ping'));
+  const welcome = { type: 'welcome', role: 'spectate', resume: 'word' };
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"play","speed":1}']);
+  const position = { type: 'position', tick: 900, first: 0, last: 1000, playing: true, speed: 4 };
+  Socket.newest.tell(position);
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"seek","tick":900}', '{"type":"play","speed":4}']);
+  Socket.newest.tell({ ...position, playing: false });
+  Socket.newest.tell(welcome);
+  expect(asked()).toEqual(['{"type":"seek","tick":900}']);
+});
+
+test('a refusal is gone once what was asked for is accepted, or after a while', () => {
+  vi.useFakeTimers();
+  const visit = driving();
+  const refused = { type: 'ready', ready: true, accepted: false, reason: 'no answer' };
+  Socket.newest.tell(refused);
+  expect(visit.note?.reason).toBe('no answer');
+  Socket.newest.tell({ ...refused, accepted: true, reason: '' });
+  expect(visit.note).toBeNull();
+  Socket.newest.tell({ type: 'park', park: true, accepted: false, reason: 'no slot' });
+  expect(visit.parkRefusal).toBe('no slot');
+  vi.advanceTimersByTime(10_000);
+  expect(visit.parkRefusal).toBe('');
+  vi.useRealTimers();
+});
+
+test('that no race is there is said until one is, whatever is said about the wheel', () => {
+  const visit = driving();
+  Socket.newest.stand(Phase.RUNNING);
+  Socket.newest.tell({ type: 'notice', code: 'no-race', reason: 'no race yet' });
+  Socket.newest.tell({ type: 'notice', code: 'dead-man', reason: 'no control' });
+  expect(visit.note?.code).toBe('no-race');
+  Socket.newest.tell({ type: 'notice', code: 'driving', reason: '' });
+  expect(visit.note?.code).toBe('no-race');
+  Socket.newest.tell({ type: 'notice', code: 'race', reason: '' });
+  expect(visit.note).toBeNull();
+});
+
+test('who was ready is so after a reload, until the next race', () => {
+  const visit = driving();
+  const welcome = { type: 'welcome', role: 'drive', resume: 'word', seat: 3 };
+  Socket.newest.tell({ ...welcome, ready: true, park: false });
+  Socket.newest.stand(Phase.LOBBY);
+  expect(visit.isReady).toBe(true);
+  Socket.newest.stand(Phase.RUNNING);
+  Socket.newest.stand(Phase.LOBBY);
+  expect(visit.isReady).toBe(false);
+});
+
+test('who was ready for a call is so after a reload, until the next call', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3, ready: true });
+  Socket.newest.call('Ada', 30_000_000n);
+  expect(visit.isReady).toBe(true);
+  Socket.newest.call('Ada', 60_000_000n);
+  expect(visit.isReady).toBe(false);
+});
+
+test('who has the vehicle parked reads so after a reload', () => {
+  const visit = driving();
+  Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3, park: true });
+  Socket.newest.stand(Phase.RUNNING);
+  expect(visit.isParking).toBe(true);
 });

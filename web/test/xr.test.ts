@@ -1,11 +1,14 @@
-import { expect, test } from 'vitest';
+import { expect, test, vi } from 'vitest';
 
 import { SnapshotBuffer } from '../src/race/buffer';
+import type { Visit } from '../src/race/visit.svelte';
+import type { SceneView } from '../src/scene/view';
 import { ServerClock } from '../src/race/clock';
 import { Flag, KartFlag } from '../src/wire/tables';
 import { Alignment } from '../src/xr/alignment';
 import { apply, byTwoPoints, fromSeat, onTable, type Spot } from '../src/xr/frames';
 import { displayMs, raceAt } from '../src/xr/predict';
+import { Headset, type HeadsetChoice } from '../src/xr/session';
 import { chance } from '../src/scene/chance';
 import { doubtOf, drawnFrom, type Evidence, Fade } from '../src/xr/trust';
 import { kart, snapshot } from './frames';
@@ -252,4 +255,26 @@ test('points of the track are drawn within a degree of where they are at 60 km/h
   console.info(`95 %: ${predicted.toFixed(2)}° with prediction, ${not.toFixed(2)}° without`);
   expect(predicted).toBeLessThan(1);
   expect(not).toBeGreaterThan(2 * predicted);
+});
+
+test('a headset that cannot begin gives the picture back to the page', async () => {
+  const done: string[] = [];
+  const session = new EventTarget() as XRSession;
+  session.end = () => Promise.resolve(void done.push('ends'));
+  const stage = {
+    renderer: {
+      xr: { setReferenceSpaceType: () => {}, setSession: () => Promise.reject(new Error('no floor')) },
+      setAnimationLoop: () => {},
+    },
+    lend: () => done.push('lends'),
+    giveBack: () => done.push('gives back'),
+  } as unknown as SceneView;
+  const canvas = { getContext: () => ({}) };
+  vi.stubGlobal('document', { createElement: () => canvas, createElementNS: () => canvas });
+  vi.stubGlobal('navigator', { xr: { requestSession: () => Promise.resolve(session) } });
+  const choice = { view: 'driver', mode: 'immersive-vr', seat: 0 } as HeadsetChoice;
+  const begun = Headset.enter(stage, {} as Visit, choice, () => done.push('ended'));
+  await expect(begun).rejects.toThrow('no floor');
+  expect(done).toEqual(['lends', 'ends', 'gives back', 'ended']);
+  vi.unstubAllGlobals();
 });

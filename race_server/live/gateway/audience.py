@@ -70,6 +70,10 @@ class Outbox:
             self.skipped += kind in self._newest
             self._newest[kind] = frame
 
+    def drop_newest(self) -> None:
+        """Send nothing any more of what only its newest message counts: none of it does."""
+        self._newest.clear()
+
     def check(self) -> None:
         """Do nothing for a browser that reads.
 
@@ -119,11 +123,11 @@ class Viewer:
     wants_rays: bool = False
     _due: float = field(default=0.0)  # tick of the next snapshot
 
-    def send_snapshot(self, tick: int, frame: bytes) -> None:
-        """Send a snapshot, if one is due."""
+    def send_snapshot(self, tick: int, frame: bytes, *, is_news: bool = False) -> None:
+        """Send a snapshot, if one is due or it is news: after the last of a race none comes."""
         period = TICKS_PER_SECOND / self.rate
         early = self._due - tick
-        if 0.0 < early <= period:
+        if 0.0 < early <= period and not is_news:
             return
         # On time the period is kept exactly; after a gap, or when ticks go back, it starts again.
         self._due = self._due + period if -period < early <= 0.0 else tick + period
@@ -161,7 +165,7 @@ class Audience:
         for viewer in self._viewers:
             viewer.outbox.send_newest(kind, frame)
 
-    def publish_snapshot(self, tick: int, frame: bytes) -> None:
-        """Send a snapshot to all for whom one is due."""
+    def publish_snapshot(self, tick: int, frame: bytes, *, is_news: bool) -> None:
+        """Send a snapshot to all for whom one is due; one that is news, to all."""
         for viewer in self._viewers:
-            viewer.send_snapshot(tick, frame)
+            viewer.send_snapshot(tick, frame, is_news=is_news)

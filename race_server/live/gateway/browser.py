@@ -53,6 +53,7 @@ class BrowserSession:
         self._ended = asyncio.Event()
         self._why: GatewayError | None = None
         self._identity = Identity(Role.SPECTATE)
+        self._resume_token = ""
         self._viewer = Viewer(self.outbox, MAX_RATE)
         self._driver_seat: DriverSeat | None = None
         self._companion_seat: CompanionSeat | None = None
@@ -138,6 +139,8 @@ class BrowserSession:
         self._driver_seat = seat
         self._viewer.seat = seat.number_of_seat
         more = {"seat": seat.number_of_seat, "sequence": seat.sequence, "preset": PRESET}
+        moment = self._state.live.moment
+        more |= {kind: seat.has_asked(topic, moment) for kind, topic in _OF_SEAT.items()}
         self._send_welcome("live", self._state.settings.session, **more)
         self._state.live.join(self._viewer)
         self.outbox.send(briefing)
@@ -162,13 +165,14 @@ class BrowserSession:
 
     def _send_welcome(self, source: str, session: str, **more: Any) -> None:
         identity = self._identity
+        self._resume_token = self._state.resume_tokens.issue(identity)
         may = {"may": list(ACTS)} if identity.role is Role.STEWARD else {}
         self._send(
             type="welcome",
             role=identity.role.value,
             session=session,
             source=source,
-            resume=self._state.resume_tokens.issue(identity),
+            resume=self._resume_token,
             delay_ms=round(1e3 * self._timing.page_delay_s),
             version=__version__,
             **may,
@@ -230,7 +234,9 @@ class BrowserSession:
         self._texts.spend()
         kind = request["type"]
         if kind == "ping":
-            self._send(type="pong", t=request["t"], server_us=self._state.live.server_us())
+            server_us = self._state.live.server_us()
+            known = {} if server_us is None else {"server_us": server_us}
+            self._send(type="pong", t=request["t"], **known)
         elif kind == "follow":
             self._viewer.seat = request["seat"]
             self._viewer.wants_rays = request["rays"] and self._viewer.seat >= 0
@@ -255,13 +261,14 @@ class BrowserSession:
 
     async def _handle_driver(self, request: Request, seat: DriverSeat) -> bool:
         if request["type"] == "leave":
+            self._state.resume_tokens.revoke(self._resume_token)
             await seat.leave()
             await self._websocket.close()
             return False
         kind, reason = request["type"], ""
         wanted = request[kind]
         try:
-            await seat.ask(_OF_SEAT[kind], wanted=wanted)
+            await seat.ask(_OF_SEAT[kind], wanted=wanted, moment=self._state.live.moment)
         except RaceError as error:
             reason = str(error)
         self._send(type=kind, accepted=not reason, reason=reason, **{kind: wanted})

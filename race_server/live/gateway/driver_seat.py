@@ -20,6 +20,7 @@ from race_server.live.client.seat import ClientSeat, take_seat
 from race_server.live.gateway.audience import HUD, Outbox
 from race_server.live.gateway.frames import frame_of, notice_frame
 from race_server.live.gateway.limits import GatewayTiming
+from race_server.live.gateway.live import Moment
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import decode_control, decode_hud
@@ -68,6 +69,7 @@ class DriverSeat:
         self._moment: tuple[int, int] | None = None  # epoch and tick of the newest heads-up data
         self._hud_at = self._control_at = self._left_at = 0.0
         self._is_dead = True
+        self._accepted: dict[topics.Topic, tuple[bool, Moment]] = {}  # of what was asked for
         self._request: asyncio.Task[None] | None = None
         self._joining = asyncio.Lock()  # one seat is asked for at a time
 
@@ -174,7 +176,7 @@ class DriverSeat:
         if self.seat is not None and self._moment is not None:
             self.seat.answer(self._moment[0], self.sequence, self._moment[1], frame.control)
 
-    async def ask(self, topic: topics.Topic, *, wanted: bool) -> None:
+    async def ask(self, topic: topics.Topic, *, wanted: bool, moment: Moment) -> None:
         """Report to the server that this driver is ready, or wants its vehicle parked, or not.
 
         Raises:
@@ -182,10 +184,16 @@ class DriverSeat:
         """
         if self.seat is not None:
             await self._run_in_pool(partial(self.seat.act, topic, ready=wanted))
+            self._accepted[topic] = wanted, moment
+
+    def has_asked(self, topic: topics.Topic, moment: Moment) -> bool:
+        """Return whether it holds what was asked for: readiness for one race is for no other."""
+        return self._accepted.get(topic) == (True, moment)
 
     async def leave(self) -> None:
         """Give the seat up."""
         seat, self.seat, self._moment, self.sequence = self.seat, None, None, 0
+        self._accepted.clear()
         if seat is not None:
             await self._run_in_pool(partial(_leave, seat))
 

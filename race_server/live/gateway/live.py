@@ -6,7 +6,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from typing import NamedTuple
 
+from race_server.core.messages import EventPhase, Phase
 from race_server.live.client.race_view import RaceView, Update
 from race_server.live.gateway.audience import (
     ALERTS,
@@ -50,10 +52,21 @@ _NEWEST = {
     topics.PROGRAMME: PROGRAMME,
     topics.GHOSTS: GHOSTS,
 }
+# Of one race: not for viewers who come in another.
+_OF_RACE = (topics.LINKS, topics.LOT, topics.ALERTS, topics.TELEMETRIES)
+_OF_EVENT = (topics.PROGRAMME, topics.GHOSTS)
 _ALL = frozenset({topics.COURSE, topics.RULES, topics.LINE})
 # Events that are remembered: as many as `EventFrames` holds.
 MAX_EVENTS = EVENTS_PER_FRAME * (MAX_WHOLE_FRAMES + 1)
 NO_RACE = "no race yet: the server does not answer; the page goes on by itself once it does"
+
+
+class Moment(NamedTuple):
+    """What readiness and parking are for: they end with it."""
+
+    epoch: int
+    is_lobby: bool
+    call: tuple[int, int] | None  # of an event: attempts driven before, and until when it waits
 
 
 class LiveRace:
@@ -113,13 +126,20 @@ class LiveRace:
         """Send a viewer no more."""
         self.audience.remove(viewer)
 
-    def server_us(self) -> int:
-        """Return the server's clock [us] as of now; our own before the first snapshot."""
-        now = time.monotonic()
-        age, frame = self.view.age_s(now), self.view.snapshot
-        if age is None or frame is None:
-            return round(1e6 * now)
-        return frame.monotonic_us + round(1e6 * age)
+    def server_us(self) -> int | None:
+        """Return the server's clock [us] as of now, None before the first snapshot."""
+        server_s = self.view.server_s(time.monotonic())
+        return None if server_s is None else round(1e6 * server_s)
+
+    @property
+    def moment(self) -> Moment:
+        """The race, lobby or call that is on."""
+        view = self.view
+        standings, programme = view.standings, view.programme
+        is_lobby = standings is not None and standings.phase == Phase.LOBBY
+        is_call = programme is not None and programme.phase == EventPhase.CALLED
+        call = (programme.driven, programme.until_us) if programme and is_call else None
+        return Moment(view.epoch, is_lobby, call)
 
     def _process_all(self) -> None:
         with self._lock:
@@ -136,11 +156,16 @@ class LiveRace:
     def _publish(self, topic: Topic, data: bytes, update: Update) -> None:
         if update.is_other_race:
             self._refresh()  # course and rules may be others too
+            self._forget(_OF_RACE)
+        if update.is_event_over:
+            self._forget(_OF_EVENT)
+            self.audience.publish(notice_frame("no-event"))
         if update.is_other_race or self.view.epoch != self._event_frames.epoch:
             self._event_frames, self._last_event = EventFrames(self.view.epoch), 0
         if topic is topics.SNAPSHOT and self.view.snapshot is not None:
             frame = self._kept[topic] = frame_of(data)
-            self.audience.publish_snapshot(self.view.snapshot.tick, frame)
+            tick, is_news = self.view.snapshot.tick, update.is_other_phase
+            self.audience.publish_snapshot(tick, frame, is_news=is_news)
         elif topic in _NEWEST:
             kept = topics.STANDINGS if topic is topics.TABLE else topic
             if frames := self._keep(kept, data):
@@ -160,6 +185,10 @@ class LiveRace:
             return []
         self._kept[topic] = frame
         return [frame]
+
+    def _forget(self, kept: Iterable[Topic]) -> None:
+        for topic in kept:
+            self._kept.pop(topic, None)
 
     def _publish_events(self, update: Update) -> None:
         events, epoch = list(update.events), self.view.epoch

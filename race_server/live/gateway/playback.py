@@ -150,6 +150,7 @@ class Player:
 
     async def _jump(self, tick: int) -> None:
         """Send the state at a tick, and all events until then."""
+        self._tick = tick  # a step that is asked for meanwhile counts from here
         table, programme, lot, alerts, told, snapshot, events = await self._run_in_pool(
             lambda: (
                 self._recording.newest(TABLES, tick),
@@ -161,9 +162,10 @@ class Player:
                 self._event_frames.frames(bisect_right(self._ticks, tick)),
             )
         )
-        self._tick, self._anchor = tick, (float(tick), time.monotonic())
-        self._send_position(sought=True)
+        self._anchor = (float(tick), time.monotonic())
         outbox = self._viewer.outbox
+        outbox.drop_newest()  # of where it was: it would be sent last
+        self._send_position(sought=True)
         if table is not None and _is_sound(decode_standings, table):
             outbox.send(table.data)
         if programme is not None and _is_sound(decode_programme, programme):

@@ -1,7 +1,7 @@
 // A gamepad in the standard layout: left stick steers, triggers are the pedals.
 
 import { Button } from '../wire/tables';
-import { type Device, type Wheel, clamp, pedals } from './wheel';
+import { type Device, NEUTRAL, type Wheel, clamp, pedals } from './wheel';
 
 const DEAD_ZONE = 0.08;
 const MOVED = 0.12;
@@ -9,34 +9,38 @@ const [A, B, X, LEFT_TRIGGER, RIGHT_TRIGGER] = [0, 1, 2, 6, 7];
 
 /** The used part of the browser's Gamepad. */
 export interface PadState {
+  index: number;
   axes: readonly number[];
   buttons: readonly { value: number; pressed: boolean }[];
 }
 
+/** All gamepads as one device: the one that was moved last counts. */
 export class Pad implements Device {
   readonly name = 'gamepad';
   movedMs = -Infinity;
   isThere = false;
-  private last: Wheel | null = null;
+  private readonly lasts = new Map<number, Wheel>(); // by index
+  private moved: number | null = null; // index of the one that was moved last
 
-  constructor(private readonly find: () => PadState | null = firstPad) {}
+  constructor(private readonly find: () => readonly PadState[] = connectedPads) {}
 
   read(nowMs: number, speed: number): Wheel {
-    const pad = this.find();
-    this.isThere = pad !== null;
-    const wheel = pad ? wheelOf(pad, speed) : { steering: 0, throttle: 0, brake: 0, buttons: 0 };
-    if (pad && (!this.last || hasMoved(this.last, wheel))) {
+    let read: Wheel | null = null;
+    for (const pad of this.find()) {
+      const wheel = wheelOf(pad, speed);
       // An untouched gamepad does not count as moved.
-      if (this.last || hasMoved({ steering: 0, throttle: 0, brake: 0, buttons: 0 }, wheel)) {
-        this.movedMs = nowMs;
-      }
-      this.last = wheel;
+      if (hasMoved(this.lasts.get(pad.index) ?? NEUTRAL, wheel)) {
+        [this.moved, this.movedMs] = [pad.index, nowMs];
+        this.lasts.set(pad.index, wheel);
+      } else if (!this.lasts.has(pad.index)) this.lasts.set(pad.index, wheel);
+      if (pad.index === this.moved) read = wheel;
     }
-    return wheel;
+    this.isThere = read !== null;
+    return read ?? NEUTRAL;
   }
 
   release(): void {
-    this.last = null;
+    this.lasts.clear();
   }
 }
 
@@ -66,6 +70,7 @@ function hasMoved(before: Wheel, after: Wheel): boolean {
   );
 }
 
-function firstPad(): PadState | null {
-  return navigator.getGamepads?.().find((pad) => pad?.connected) ?? null;
+function connectedPads(): PadState[] {
+  const pads = navigator.getGamepads?.() ?? [];
+  return pads.filter((pad): pad is Gamepad => pad?.connected ?? false);
 }

@@ -35,13 +35,16 @@ export class Keyboard implements Device {
     return this.movedMs > -Infinity;
   }
 
-  /** Handles a key; returns whether it is used here. code: as in KeyboardEvent.code. */
+  /**
+   * Handles a key; returns whether it is used here: a key that comes up only if it went down here.
+   * code: as in KeyboardEvent.code.
+   */
   take(code: string, isDown: boolean, nowMs: number): boolean {
     if (!OURS.has(code)) return false;
     if (isDown) {
       this.down.add(code);
       this.pressedMs.set(code, nowMs);
-    } else this.down.delete(code);
+    } else if (!this.down.delete(code)) return false;
     this.movedMs = nowMs;
     return true;
   }

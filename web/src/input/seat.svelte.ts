@@ -35,8 +35,10 @@ export class DrivenSeat {
     readonly number: number,
   ) {
     const { signal } = this.ending;
-    addEventListener('keydown', (event) => this.takeKey(event, true), { signal });
-    addEventListener('keyup', (event) => this.takeKey(event, false), { signal });
+    addEventListener('keydown', (event) => this.press(event), { signal });
+    // Capture: a key is up wherever the focus is, and whatever else is held.
+    addEventListener('keyup', (event) => this.take(event, false), { signal, capture: true });
+    addEventListener('click', freeSpace, { signal });
     addEventListener('blur', () => this.leave(), { signal });
     addEventListener('focus', () => this.hands.comeBack(), { signal });
     addEventListener('pointerdown', () => this.hands.comeBack(), { signal });
@@ -56,11 +58,15 @@ export class DrivenSeat {
     this.ending.abort();
   }
 
-  private takeKey(event: KeyboardEvent, isDown: boolean): void {
+  private press(event: KeyboardEvent): void {
     const isTyping = event.target instanceof Element && event.target.closest('input, select');
     const isPressing = event.target instanceof HTMLButtonElement && isButtonKey(event.code);
     if (isTyping || isPressing || event.ctrlKey || event.metaKey || event.altKey) return;
     this.hands.comeBack();
+    this.take(event, true);
+  }
+
+  private take(event: KeyboardEvent, isDown: boolean): void {
     if (this.keyboard.take(event.code, isDown, performance.now())) event.preventDefault();
   }
 
@@ -116,4 +122,9 @@ function keptLevel(): Level {
 
 function isButtonKey(code: string): boolean {
   return code === 'Space' || code === 'Enter';
+}
+
+/** Takes the focus from a button that was pressed: the space bar is a brake. */
+function freeSpace({ target }: Event): void {
+  if (target instanceof Element) target.closest('button')?.blur();
 }

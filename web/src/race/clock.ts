@@ -8,6 +8,8 @@ interface Sample {
 export const TICKS_PER_SECOND = 60;
 
 const SAMPLES = 8;
+// A clock that is this much off [ms] is that of another server.
+const JUMP_MS = 5000;
 
 export class ServerClock {
   private samples: Sample[] = [];
@@ -15,6 +17,8 @@ export class ServerClock {
   /** Records a ping that left and came back at these times of the browser's clock. */
   note(sentMs: number, receivedMs: number, serverUs: number): void {
     const offsetMs = serverUs / 1000 - 0.5 * (sentMs + receivedMs);
+    const last = this.samples.at(-1)?.offsetMs ?? offsetMs;
+    if (Math.abs(offsetMs - last) > JUMP_MS) this.samples = [];
     this.samples.push({ roundTripMs: receivedMs - sentMs, offsetMs });
     if (this.samples.length > SAMPLES) this.samples.shift();
   }

@@ -8,11 +8,18 @@ import type { LapTrace } from './line';
 /** Steps of a lap. */
 export const BINS = 240;
 
+/** What is known of one lap, NaN where nothing is. */
+interface Steps {
+  ticks: Float64Array; // at which each step was reached
+  speeds: Float64Array;
+}
+
 export class Pace {
   /** Distance since the start [m], negative on the grid; NaN without data. */
   distance = NaN;
-  private ticks: number[] = []; // at which each step was reached
-  private speeds: number[] = [];
+  // Of all laps only the line is kept; the steps of this one, the one before and the best.
+  private readonly lines: number[] = []; // tick at which each lap began
+  private readonly steps = new Map<number, Steps>(); // by lap
   private tick = 0;
   private speed = 0;
   private hasCrossed = false;
@@ -28,8 +35,8 @@ export class Pace {
       const first = Math.max(Math.floor(this.distance / step) + 1, 0);
       for (let bin = first; bin <= Math.floor(distance / step); bin++) {
         const share = (bin * step - this.distance) / gained;
-        this.ticks[bin] = this.tick + share * (tick - this.tick);
-        this.speeds[bin] = this.speed + share * (kart.speed - this.speed);
+        const speed = this.speed + share * (kart.speed - this.speed);
+        this.keep(bin, this.tick + share * (tick - this.tick), speed);
       }
     }
     // Backwards, or put back: the steps ahead will be driven again.
@@ -42,23 +49,17 @@ export class Pace {
   tickAt(distance: number): number {
     const place = (distance / this.lapLength) * BINS;
     const bin = Math.floor(place);
-    const before = this.ticks[bin] ?? NaN;
-    const after = this.ticks[bin + 1] ?? NaN;
+    const before = this.tickOf(bin);
+    const after = this.tickOf(bin + 1);
     return before + (place - bin) * (after - before);
   }
 
-  /** Returns lap `lap`, counted from 0, as far as it was received. */
+  /** Returns lap `lap`, counted from 0, as far as it was received and is kept. */
   trace(lap: number): LapTrace {
-    const seconds = new Float64Array(BINS).fill(NaN);
-    const speeds = new Float64Array(BINS).fill(NaN);
-    const begin = this.ticks[lap * BINS] ?? NaN;
-    for (let bin = 0; bin < BINS; bin++) {
-      const tick = this.ticks[lap * BINS + bin];
-      if (tick === undefined) continue;
-      seconds[bin] = (tick - begin) / TICKS_PER_SECOND;
-      speeds[bin] = this.speeds[lap * BINS + bin]!;
-    }
-    return { seconds, speeds };
+    const { ticks, speeds } = this.steps.get(lap) ?? unknown();
+    const begin = this.lines[lap] ?? NaN;
+    const seconds = ticks.map((tick) => (tick - begin) / TICKS_PER_SECOND);
+    return { seconds, speeds: speeds.slice() };
   }
 
   /** The lap that is being driven, counted from 0; -1 before the timing line. */
@@ -68,13 +69,7 @@ export class Pace {
 
   /** Returns the fastest complete lap, -1 if there is none. */
   get bestLap(): number {
-    let best = -1;
-    let least = Infinity;
-    for (let lap = 0; lap < this.lap; lap++) {
-      const time = (this.ticks[(lap + 1) * BINS] ?? NaN) - (this.ticks[lap * BINS] ?? NaN);
-      if (time < least) [best, least] = [lap, time];
-    }
-    return best;
+    return this.bestBefore(this.lap);
   }
 
   /** Returns a distance [m] in laps. */
@@ -82,9 +77,38 @@ export class Pace {
     return distance / this.lapLength;
   }
 
-  /** Laps with data. */
-  get laps(): number {
-    return Math.ceil(this.ticks.length / BINS);
+  private keep(bin: number, tick: number, speed: number): void {
+    const lap = Math.floor(bin / BINS);
+    if (bin % BINS === 0) this.lines[lap] = tick;
+    if (!this.steps.has(lap)) this.begin(lap);
+    const { ticks, speeds } = this.steps.get(lap)!;
+    ticks[bin % BINS] = tick;
+    speeds[bin % BINS] = speed;
+  }
+
+  /** Begins a lap, and forgets those that nobody asks for any more: a race may last a day. */
+  private begin(lap: number): void {
+    const best = this.bestBefore(lap);
+    for (const known of this.steps.keys()) {
+      if (known !== lap - 1 && known !== best) this.steps.delete(known);
+    }
+    this.steps.set(lap, unknown());
+  }
+
+  private tickOf(bin: number): number {
+    const lap = Math.floor(bin / BINS);
+    if (bin % BINS === 0) return this.lines[lap] ?? NaN;
+    return this.steps.get(lap)?.ticks[bin % BINS] ?? NaN;
+  }
+
+  private bestBefore(end: number): number {
+    let best = -1;
+    let least = Infinity;
+    for (let lap = 0; lap < end; lap++) {
+      const time = (this.lines[lap + 1] ?? NaN) - (this.lines[lap] ?? NaN);
+      if (time < least) [best, least] = [lap, time];
+    }
+    return best;
   }
 
   private distanceOf(kart: KartFrame, isEarly: boolean): number {
@@ -93,6 +117,10 @@ export class Pace {
     if (!onGrid) this.hasCrossed = true;
     return kart.laps * this.lapLength + kart.progress - (onGrid ? this.lapLength : 0);
   }
+}
+
+function unknown(): Steps {
+  return { ticks: new Float64Array(BINS).fill(NaN), speeds: new Float64Array(BINS).fill(NaN) };
 }
 
 /** Returns by how many seconds `behind` follows `ahead`, NaN if unknown. */

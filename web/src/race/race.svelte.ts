@@ -225,6 +225,12 @@ export class Race {
     this.readMs = -Infinity;
   }
 
+  /** There is no event any more. */
+  forgetEvent(): void {
+    this.programme = null;
+    this.ghosts = [];
+  }
+
   private forgetDriving(): void {
     this.paces = new Map();
     this.ages = new InputAges();
@@ -260,9 +266,8 @@ export class Race {
     this.ages.note(frame, arrivedMs);
     if (this.isLot) this.noteLot(frame);
     else this.notePaces(frame);
-    if (arrivedMs - this.readMs > READ_MS || frame.flag !== this.headline?.flag) {
-      this.read(frame, arrivedMs);
-    }
+    const isNews = frame.flag !== this.headline?.flag || frame.phase !== last?.phase;
+    if (isNews || arrivedMs - this.readMs > READ_MS) this.read(frame, arrivedMs);
   }
 
   private noteLot(frame: SnapshotFrame): void {
@@ -296,7 +301,7 @@ export class Race {
     this.over = inLobby ? frame.epoch : -1;
     if (inLobby) this.clearTrack(frame.epoch);
     const { newest } = this.buffer;
-    if (newest) this.makeRows(newest, this.readMs); // the last standings follow the last snapshot
+    if (newest) this.read(newest, this.readMs); // the last standings follow the last snapshot
     else {
       const { phase, flag, tick } = frame;
       this.headline = { phase, flag, tick, lights: 0, lap: 0 };
@@ -340,9 +345,17 @@ export class Race {
   private read(frame: SnapshotFrame, nowMs: number): void {
     this.readMs = nowMs;
     const first = Math.max(0, ...frame.karts.map((kart) => kart.laps));
-    const { phase, flag, lights, tick } = frame;
-    this.headline = { phase, flag, lights, tick, lap: frame.phase === Phase.LOBBY ? 0 : first + 1 };
+    const { flag, lights, tick } = frame;
+    // The last snapshots may be lost, or skipped by a slow line.
+    const phase = this.isOver ? Phase.FINISHED : frame.phase;
+    this.headline = { phase, flag, lights, tick, lap: phase === Phase.LOBBY ? 0 : first + 1 };
     this.makeRows(frame, nowMs);
+  }
+
+  /** Whether the race of the snapshots is over. */
+  private get isOver(): boolean {
+    const { phase, epoch } = this.standings ?? {};
+    return phase === Phase.FINISHED && epoch === this.epoch;
   }
 
   private makeRows(snapshot: SnapshotFrame | null, nowMs: number): void {

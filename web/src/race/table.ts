@@ -1,7 +1,7 @@
 // The rows of the leaderboard, from standings and snapshots.
 
 import type { ParkingFrame, SnapshotFrame, StandingsFrame, TimingFrame } from '../wire/frames';
-import { Status } from '../wire/tables';
+import { Phase, Status } from '../wire/tables';
 import { TICKS_PER_SECOND } from './clock';
 import { type Pace, gapBetween } from './pace';
 
@@ -38,15 +38,18 @@ export interface Sources {
 export function tableOf(sources: Sources): Row[] {
   const { snapshot, standings, paces, ages } = sources;
   const karts = new Map(snapshot?.karts.map((kart) => [kart.seat, kart]));
+  // Penalties of stewards change the order after the last snapshot.
+  const isOver = standings.phase === Phase.FINISHED;
   const best = Math.min(...standings.rows.map((row) => row.bestLapUs || Infinity));
   const rows = standings.rows.map((row): Row => {
     const kart = karts.get(row.seat);
+    const { rank, laps, status } = isOver ? row : (kart ?? row);
     return {
       seat: row.seat,
       driver: row.driver,
-      place: kart?.rank ?? row.rank,
-      laps: kart?.laps ?? row.laps,
-      status: kart?.status ?? row.status,
+      place: rank,
+      laps,
+      status,
       gapS: NaN,
       lapsBehind: 0,
       intervalS: NaN,

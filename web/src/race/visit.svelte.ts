@@ -19,25 +19,28 @@ import type {
 } from '../wire/protocol';
 import { ServerClock } from './clock';
 import { callOf } from './programme';
+import { Notices } from './notices.svelte';
 import { Race } from './race.svelte';
 
 export class Visit {
   state = $state<LinkState>('connecting');
   refusal = $state.raw<Refused | null>(null);
   welcome = $state.raw<Welcome | null>(null);
-  notice = $state.raw<Notice | null>(null);
   position = $state.raw<Position | null>(null);
   log = $state.raw<readonly string[]>([]);
   isReady = $state(false); // of a driver in the lobby
   isParking = $state(false); // the server has the wheel
-  parkRefusal = $state('');
   protested = $state.raw<ProtestAnswer | null>(null); // the answer to the last protest
   roundTripMs = $state(NaN);
   readonly acted = new SvelteMap<number, Acted>();
   readonly race: Race;
   readonly clock = new ServerClock();
+  private readonly notices = new Notices();
   readonly isRecording: boolean;
   private readonly link: Link;
+  // What the welcome is for, null until that is known.
+  private wasLobby: boolean | null = null;
+  private call: string | null = null; // the newest of an event
 
   constructor(readonly hello: Hello) {
     this.isRecording = hello.source.startsWith('recording:');
@@ -53,13 +56,22 @@ export class Visit {
     this.link.open();
   }
 
-  /** The notice about the connection; none about driving where the own kart is not in a race. */
+  /** What matters most of what the gateway says. */
   get note(): Notice | null {
-    if (this.notice?.code !== 'dead-man') return this.notice;
+    const { notices } = this;
+    const first = notices.about('race') ?? notices.about('ready') ?? notices.about('use');
+    return first ?? (this.isRacing ? notices.about('wheel') : null);
+  }
+
+  /** Why the server does not park the vehicle, '' if nothing was refused. */
+  get parkRefusal(): string {
+    return this.notices.about('park')?.reason ?? '';
+  }
+
+  private get isRacing(): boolean {
     const { phase, rows } = this.race.standings ?? {};
     const own = rows?.find(({ seat }) => seat === this.welcome?.seat);
-    const isRacing = phase !== Phase.LOBBY && (own?.status ?? Status.RACING) === Status.RACING;
-    return isRacing ? this.notice : null;
+    return phase !== Phase.LOBBY && (own?.status ?? Status.RACING) === Status.RACING;
   }
 
   send(request: Request): void {
@@ -74,48 +86,72 @@ export class Visit {
     this.link.open();
   }
 
+  /** Gives the seat up. */
+  leave(): void {
+    this.link.leave();
+  }
+
   close(): void {
+    this.notices.clear();
     this.link.close();
   }
 
   private take(frame: Frame, arrivedMs: number): void {
-    const [before, calledBefore] = [this.race.standings?.phase, callOf(this.race.programme)];
     this.race.take(frame, arrivedMs);
-    const called = callOf(this.race.programme);
-    // Readiness for one race does not count for the next; in an event it is asked for by each call.
-    if (before !== Phase.LOBBY && this.race.standings?.phase === Phase.LOBBY) {
-      [this.isReady, this.isParking, this.parkRefusal] = [false, false, ''];
-    } else if (called && called !== calledBefore) this.isReady = false;
+    if (frame.kind === 'standings') this.noteLobby(frame.phase === Phase.LOBBY);
+    if (frame.kind === 'programme') this.noteCall(callOf(frame));
+  }
+
+  /** Readiness for one race does not count for the next. */
+  private noteLobby(isLobby: boolean): void {
+    if (this.wasLobby === false && isLobby) [this.isReady, this.isParking] = [false, false];
+    this.wasLobby = isLobby;
+  }
+
+  /** In an event each call asks for readiness. */
+  private noteCall(call: string): void {
+    if (this.call !== null && call && call !== this.call) this.isReady = false;
+    this.call = call || (this.call ?? '');
+  }
+
+  /** Plays a recording from its start; after a break, as it was. */
+  private playOn(): void {
+    const { tick, playing, speed } = this.position ?? { tick: 0, playing: true, speed: 1 };
+    if (tick) this.send({ type: 'seek', tick });
+    if (playing) this.send({ type: 'play', speed });
   }
 
   private hear(told: Told, arrivedMs: number): void {
     switch (told.type) {
       case 'welcome':
         this.welcome = told;
-        this.notice = null;
-        this.isReady = false;
+        this.notices.clear();
+        this.race.forgetEvent(); // one that is on is told again
+        [this.isReady, this.isParking] = [told.ready ?? false, told.park ?? false];
+        [this.wasLobby, this.call] = [null, null];
         if (told.delay_ms && !isAtTheWheel(told.role)) this.race.buffer.delayMs = told.delay_ms;
-        if (this.isRecording) this.send({ type: 'play', speed: 1 });
+        if (this.isRecording) this.playOn();
         return;
       case 'notice':
-        this.notice = told;
+        if (told.code === 'no-event') this.race.forgetEvent();
+        else this.notices.take(told);
         return;
       case 'ready':
         if (told.accepted) this.isReady = told.ready;
-        else this.notice = { type: 'notice', code: 'ready', reason: told.reason };
+        this.notices.takeAnswer('ready', told.reason);
         return;
       case 'park':
         if (told.accepted) this.isParking = told.park;
-        this.parkRefusal = told.reason;
+        this.notices.takeAnswer('park', told.reason);
         return;
       case 'use':
-        if (!told.accepted) this.notice = { type: 'notice', code: 'use', reason: told.reason };
+        this.notices.takeAnswer('use', told.reason);
         return;
       case 'protest':
         this.protested = told;
         return;
       case 'pong':
-        this.clock.note(told.t, arrivedMs, told.server_us);
+        if (told.server_us) this.clock.note(told.t, arrivedMs, told.server_us);
         this.roundTripMs = arrivedMs - told.t;
         return;
       case 'position':

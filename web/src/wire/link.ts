@@ -15,8 +15,11 @@ export interface LinkListener {
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 8000;
 const PING_MS = 2000;
-// The gateway sends many times a second; after this time without data the link is dead.
-const SILENCE_MS = 25_000;
+// A gateway answers each ping; where nothing at all comes after this many of them, the link is
+// dead. Counted, not timed: a page in the background pings seldom, one that is busy reads late.
+const MOST_UNANSWERED = 3;
+// It answers none before its welcome, and that takes longer.
+const MOST_BEFORE_WELCOME = 12;
 // At the last of them the gateway has received nothing on the lost connection for two seconds.
 const DRIVER_TRIES = 3;
 
@@ -25,7 +28,8 @@ export class Link {
   private waits = 0;
   private timer = 0;
   private pinging = 0;
-  private heardMs = 0;
+  private unanswered = 0;
+  private isWelcome = false;
   private isEnded = false;
   private refusal: Refused | null = null;
 
@@ -39,12 +43,15 @@ export class Link {
   open(): void {
     this.refusal = null;
     this.listener.onState('connecting', null);
+    [this.unanswered, this.isWelcome] = [0, false];
     const socket = new WebSocket(this.address, 'race.1');
     socket.binaryType = 'arraybuffer';
     this.socket = socket;
     socket.onopen = () => this.greet(socket);
     socket.onmessage = (message) => this.hear(message.data as ArrayBuffer | string);
     socket.onclose = () => this.lose(socket);
+    clearInterval(this.pinging);
+    this.pinging = window.setInterval(() => this.ping(socket), PING_MS);
   }
 
   send(request: Request): void {
@@ -66,6 +73,13 @@ export class Link {
     this.listener.onState('closed', null);
   }
 
+  /** Leaves for good: the seat is given up. */
+  leave(): void {
+    this.send({ type: 'leave' });
+    this.keeper.forget();
+    this.close();
+  }
+
   private get isOpen(): boolean {
     return this.socket?.readyState === WebSocket.OPEN;
   }
@@ -73,20 +87,24 @@ export class Link {
   private greet(socket: WebSocket): void {
     const resume = this.keeper.take();
     socket.send(JSON.stringify(resume ? { ...this.hello, token: '', resume } : this.hello));
-    this.heardMs = performance.now();
-    clearInterval(this.pinging);
-    this.pinging = window.setInterval(() => this.ping(), PING_MS);
   }
 
-  private ping(): void {
-    const now = performance.now();
-    if (now - this.heardMs > SILENCE_MS) this.socket?.close();
-    else this.send({ type: 'ping', t: now });
+  private ping(socket: WebSocket): void {
+    const most = this.isWelcome ? MOST_UNANSWERED : MOST_BEFORE_WELCOME;
+    if (++this.unanswered > most) this.drop(socket);
+    else this.send({ type: 'ping', t: performance.now() });
+  }
+
+  /** Gives up a dead link; where no network is, closing it would take a minute. */
+  private drop(socket: WebSocket): void {
+    socket.onopen = socket.onmessage = socket.onclose = null;
+    socket.close();
+    this.lose(socket);
   }
 
   private hear(data: ArrayBuffer | string): void {
     const now = performance.now();
-    this.heardMs = now;
+    this.unanswered = 0;
     if (typeof data === 'string') this.take(JSON.parse(data) as Told, now);
     else {
       const frame = decode(data);
@@ -97,6 +115,7 @@ export class Link {
   private take(told: Told, now: number): void {
     if (told.type === 'welcome') {
       this.waits = 0;
+      this.isWelcome = true;
       this.keeper.keep(told.resume);
       this.send({ type: 'ping', t: now });
       this.listener.onState('open', null);
@@ -132,7 +151,9 @@ export class ResumeKeeper {
   private shown = 0;
 
   constructor(hello: Hello) {
-    this.name = `race.resume.${hello.role}.${hello.source}.${hello.seat}`;
+    // Another driver in the same tab does not come back as the one before.
+    const { role, source, seat, name, token } = hello;
+    this.name = ['race.resume', role, source, seat, name, token].join('.');
     this.most = hello.role === 'drive' ? DRIVER_TRIES : 1;
   }
 
@@ -140,6 +161,11 @@ export class ResumeKeeper {
     this.hasTaken = false;
     this.shown = 0;
     sessionStorage.setItem(this.name, token);
+  }
+
+  /** Who leaves does not come back. */
+  forget(): void {
+    sessionStorage.removeItem(this.name);
   }
 
   /** Returns the token, once. */

@@ -16,6 +16,8 @@ export interface Welcome {
   role: Role;
   session: string;
   seat?: number;
+  ready?: boolean; // what a driver who comes back asked for, and what still holds
+  park?: boolean;
   sequence?: number; // of a driver's newest control that the server accepted
   source: string;
   resume: string; // token for one reconnection
@@ -53,7 +55,7 @@ export interface Log {
 export interface Pong {
   type: 'pong';
   t: number;
-  server_us: number;
+  server_us?: number; // not before the first snapshot
 }
 
 export interface Position {

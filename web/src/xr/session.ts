@@ -83,7 +83,14 @@ export class Headset {
       optionalFeatures: [floor],
     });
     const headset = new Headset(session, stage, visit, choice);
-    await headset.begin(floor, ended);
+    try {
+      await headset.begin(floor, ended);
+    } catch (error) {
+      // Some have no floor, or no room for the picture: the page draws on.
+      await session.end().catch(() => {});
+      headset.finish(ended);
+      throw error;
+    }
     return headset;
   }
 
