@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.policies.registry import (
     BEST,
@@ -22,19 +21,17 @@ from race_agents.training import curve, folder
 from race_agents.training.budget import Budget
 from race_agents.training.callback import CURVE, LATEST, Tell, TrainingCallback
 from race_agents.training.checkpoint import begin_with, load_checkpoint
-from race_agents.training.cloning import Cloning
+from race_agents.training.companion_callbacks import callbacks_beside
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.far_ppo import Crew, FarKarts, FarPpo
 from race_agents.training.film import record_laps, record_parking
-from race_agents.training.hurl import Mixing
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.policy_start import begin_with_policy
 from race_agents.training.race_marks import RaceMarks
-from race_agents.training.schedule import Schedule
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import (
@@ -194,11 +191,7 @@ def _learn(
         budget.start()
         if not (budget.is_over or callback.reached):
             callback.method = settings.algorithm.name
-            callbacks: list[BaseCallback] = [callback, Schedule(settings, budget)]
-            if settings.cloning.demonstrations:
-                callbacks.append(Cloning(settings, world, budget))
-            if settings.mixes:
-                callbacks.append(Mixing(settings, budget))
+            callbacks = [callback, *callbacks_beside(settings, world, budget)]
             learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         say(
