@@ -16,6 +16,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.curve import Point, append
+from race_agents.training.divergence import check_sound
 from race_agents.training.evaluation import Examiner, Marks, learning_figures, learning_words
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.self_play import SelfPlay
@@ -108,6 +109,7 @@ class TrainingCallback(BaseCallback):
         return not (self.budget.is_over or self.reached)
 
     def _on_rollout_start(self) -> None:
+        check_sound(self.model)
         # Between rollouts, so that no policy is evaluated between its gradient steps.
         if time.monotonic() - self._saved > SAVE_S:
             self._save()
@@ -120,7 +122,11 @@ class TrainingCallback(BaseCallback):
             self.examine()
 
     def examine(self) -> None:
-        """Evaluate the policy, and save it if it is the best so far."""
+        """Evaluate the policy, and save it if it is the best so far.
+
+        Raises:
+            DivergedError: the network has diverged.
+        """
         self._tries = int(self.budget.share * self.settings.evaluation.times)
         self._look()  # so that the time of the evaluation does not count in the rate of learning
         self._save()
@@ -133,7 +139,12 @@ class TrainingCallback(BaseCallback):
         self._look(self.last[-1])
 
     def _save(self) -> None:
-        """Save what is learned, so that a training that is killed goes on from there."""
+        """Save what is learned, so that a training that is killed goes on from there.
+
+        Raises:
+            DivergedError: the network has diverged: what was saved last stays.
+        """
+        check_sound(self.model)
         save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
         self._saved = time.monotonic()
 

@@ -17,6 +17,7 @@ from race_agents.training.policy_settings import PolicySettings
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import training_task
 from race_server.core.observation import layout_of
+from race_server.envs.action_shapes import finite
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER
 from race_server.envs.global_state import own_states
@@ -93,9 +94,11 @@ class SharedRaces:
         """Put the actions of karts into the batch, and wait until all races are a decision on.
 
         Raises:
+            ScenarioError: they are no numbers, as this policy has diverged.
             KeyboardInterrupt: a person stopped all policies.
             OtherEnded: another policy failed.
         """
+        finite(actions)  # before they are among those of policies that have not diverged
         mine = self.batch.buffers.actions[:, karts.start : karts.stop]
         mine[...] = actions.reshape(mine.shape)
         self._move_on(number)

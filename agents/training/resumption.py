@@ -1,0 +1,44 @@
+"""Put a training back to where its run ended."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from race_agents.policies.registry import BEST, EVALUATION
+from race_agents.training import curve
+from race_agents.training.budget import Budget
+from race_agents.training.callback import CURVE, LATEST
+from race_agents.training.checkpoint import load_checkpoint
+from race_agents.training.divergence import has_diverged
+from race_agents.training.lines import Say
+from race_agents.training.normaliser import Normaliser
+from race_agents.training.settings import Settings
+from race_server.core.seeds import RESUMED
+from race_server.errors import ScenarioError
+
+
+def restored(
+    settings: Settings, place: Path, learner: Any, world: Normaliser, budget: Budget, say: Say
+) -> float:
+    """Put a learner and its world back to where a run ended; return the best score so far.
+
+    Raises:
+        ScenarioError: there is no run, or it has learned for all its time and is evaluated.
+    """
+    best_score = -np.inf
+    if (place / BEST).exists() or not (place / LATEST).exists():
+        best_score = load_checkpoint(place / BEST, learner, world, budget)
+    load_checkpoint(place / LATEST, learner, world, budget)
+    if has_diverged(learner):
+        best_score = load_checkpoint(place / BEST, learner, world, budget)
+        say(f"{LATEST} holds a network that has diverged: it goes on from {BEST}")
+    curve.cut(place / CURVE, budget.done)  # what was learned after it is learned again
+    if budget.is_over and (place / EVALUATION).exists():
+        world.close()
+        raise ScenarioError(f"{place} has learned for {budget}: give it more than that, in all")
+    if budget.is_over:
+        say(f"it has learned for {budget}, so it is only evaluated and written")
+    # Seeds other than at the beginning, and those of no exam.
+    learner.set_random_seed(RESUMED + settings.seed + budget.done)
+    return best_score
