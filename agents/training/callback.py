@@ -99,6 +99,7 @@ class TrainingCallback(BaseCallback):
         self.budget.done += decisions
         if time.monotonic() - self._told > TELL_S:
             self._look()
+        self._save_in_time()
         self._examine_in_time()
         return not self.reached
 
@@ -111,11 +112,14 @@ class TrainingCallback(BaseCallback):
     def _on_rollout_start(self) -> None:
         check_sound(self.model)
         # Between rollouts, so that no policy is evaluated between its gradient steps.
-        if time.monotonic() - self._saved > SAVE_S:
-            self._save()
+        self._save_in_time()
         if self.self_play is not None and self.self_play.go_on(self.model, self.budget.done):
             self._look(rated=True)
         self._examine_in_time()
+
+    def _save_in_time(self) -> None:
+        if time.monotonic() - self._saved > SAVE_S:
+            self._save()
 
     def _examine_in_time(self) -> None:
         if int(self.budget.share * self.settings.evaluation.times) > self._tries:
