@@ -17,7 +17,13 @@ from race_agents.training.checkpoint import CURRICULUM, companions_in, save_chec
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.curve import Point, append
 from race_agents.training.divergence import check_sound
-from race_agents.training.evaluation import Examiner, Marks, learning_figures, learning_words
+from race_agents.training.evaluation import (
+    Examiner,
+    Marks,
+    basis_of,
+    learning_figures,
+    learning_words,
+)
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
@@ -138,7 +144,8 @@ class TrainingCallback(BaseCallback):
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score
-            save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score)
+            basis = basis_of(self.settings)
+            save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score, basis)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 

@@ -56,9 +56,17 @@ def _weights_beside(learner: Any) -> dict[str, torch.Tensor]:
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: Normaliser, budget: Budget, score: float = 0.0
+    path: Path,
+    learner: Any,
+    world: Normaliser,
+    budget: Budget,
+    score: float = 0.0,
+    basis: str = "",
 ) -> None:
-    """Write the state of a training, and the score of its policy if it was the best."""
+    """Write the state of a training, and the score of its policy if it was the best.
+
+    basis: what the score was made by, see `evaluation.basis_of`.
+    """
     seen: Any = world.obs_rms  # one box, hence one set of means
     returns = {RETURN + name: value for name, value in state_of(world.ret_rms).items()}
     stretch = np.empty(0) if world.stretch is None else world.stretch
@@ -71,6 +79,7 @@ def save_checkpoint(
         "seconds": budget.seconds,
         "done": budget.done,
         "score": score,
+        "basis": basis,
     }
     # Written aside and moved: a killed process leaves the checkpoint before intact.
     aside = path.with_suffix(".part")
@@ -99,6 +108,11 @@ def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
         one.restore(companions[name])
     for name, value in counters.items():
         setattr(learner, name, value)
+
+
+def basis_in(path: Path) -> str:
+    """Return what the score of a checkpoint that can be read was made by; of old ones ""."""
+    return str(torch.load(path, weights_only=True).get("basis", ""))
 
 
 def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:

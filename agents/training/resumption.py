@@ -9,13 +9,19 @@ from race_agents.policies.registry import BEST, EVALUATION
 from race_agents.training import curve
 from race_agents.training.budget import Budget
 from race_agents.training.callback import CURVE, LATEST
-from race_agents.training.checkpoint import load_checkpoint
+from race_agents.training.checkpoint import basis_in, load_checkpoint
 from race_agents.training.divergence import has_diverged
+from race_agents.training.evaluation import basis_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
 from race_server.core.seeds import RESUMED
 from race_server.errors import ScenarioError
+
+OTHER_SCORE = (
+    "policies are evaluated otherwise than before, so the next one is the best, whatever the best "
+    "before had scored"
+)
 
 
 def restored(
@@ -29,9 +35,12 @@ def restored(
     best_score = -np.inf
     if (place / BEST).exists() or not (place / LATEST).exists():
         best_score = load_checkpoint(place / BEST, learner, world, budget)
+        if basis_in(place / BEST) not in {"", basis_of(settings)}:
+            best_score = -np.inf
+            say(OTHER_SCORE)
     load_checkpoint(place / LATEST, learner, world, budget)
     if has_diverged(learner):
-        best_score = load_checkpoint(place / BEST, learner, world, budget)
+        load_checkpoint(place / BEST, learner, world, budget)
         say(f"{LATEST} holds a network that has diverged: it goes on from {BEST}")
     curve.cut(place / CURVE, budget.done)  # what was learned after it is learned again
     if budget.is_over and (place / EVALUATION).exists():

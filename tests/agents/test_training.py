@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from race_agents.policies.session import Policy
 from race_agents.training import curve, folder
 from race_agents.training.callback import BEST, CURVE, LATEST, TrainingProgress
 from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
-from race_agents.training.evaluation import Examiner
+from race_agents.training.evaluation import Examiner, basis_of
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
 from race_agents.training.run import TrainingResult, train, warn_of_lidar
@@ -46,6 +47,34 @@ def test_a_resumed_run_goes_on_counting(outcome: TrainingResult, tmp_path: Path)
     assert again.evaluation["minutes"] > outcome.evaluation["minutes"]
     assert "to the bit" in (outcome.folder / "README.md").read_text()
     assert "this run was interrupted" in (tmp_path / "README.md").read_text()
+
+
+def test_scores_of_another_kind_are_not_compared(outcome: TrainingResult, tmp_path: Path) -> None:
+    """A return of 1000 would never be beaten by metres per second."""
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    stored = torch.load(tmp_path / BEST, weights_only=True)
+    said: list[str] = []
+    for basis, is_kept in (("", True), (stored["basis"], True), ("by return", False)):
+        torch.save({**stored, "score": 1000.0, "basis": basis}, tmp_path / BEST)
+        train(folder.settings_in(tmp_path), tmp_path, resume=True, say=said.append)
+        (tmp_path / "evaluation.json").unlink()
+        score = torch.load(tmp_path / BEST, weights_only=True)["score"]
+        assert (score == 1000.0) == is_kept
+    assert sum("evaluated otherwise than before" in text for text in said) == 1
+
+
+def test_a_score_is_of_what_it_was_made_by() -> None:
+    plain = read_settings("time-trial-ppo", QUICK)
+    more = ("evaluation.times=9", "evaluation.final.names=['covapsy-base']", "reward={speed = 9.0}")
+    assert basis_of(read_settings("time-trial-ppo", [*QUICK, *more])) == basis_of(plain)
+    for change in ("evaluation.score=return", "evaluation.seconds=4.0"):
+        assert basis_of(read_settings("time-trial-ppo", [*QUICK, change])) != basis_of(plain)
+    returns = ("evaluation.score=return", "reward={speed = 9.0}")
+    by_other, by_own = (
+        basis_of(read_settings("time-trial-ppo", [*QUICK, *returns[:count]])) for count in (1, 2)
+    )
+    assert by_other != by_own
 
 
 def test_a_run_with_less_time_than_it_has_had_is_refused_and_left_as_it_is(
