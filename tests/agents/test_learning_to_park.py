@@ -13,6 +13,7 @@ import pytest
 from race_agents.commands.exam import ParkingOptions
 from race_agents.training.budget import Budget
 from race_agents.training.cloning import Cloning
+from race_agents.training.companion_callbacks import callbacks_beside
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.demonstrations import (
     pairs_for,
@@ -171,6 +172,24 @@ def test_cloning_beside_ppo_pulls_answers_to_the_demonstrations_and_fades(tmp_pa
     at_the_end = error()
     cloning.on_rollout_start()
     assert (cloning.strength, error()) == (0.0, at_the_end)
+    world.close()
+
+
+def test_cloning_waits_while_the_critic_learns_alone(tmp_path: Path) -> None:
+    shown = write_shown(tmp_path / "shown.npz", steering=0.8)
+    cloned = f"cloning={{demonstrations = '{shown}', steps = 1000}}"
+    wanted = settings(cloned, "steps=1000", "warm_start={policy = 'park', critic_share = 0.5}")
+    budget, world, learner = untrained(wanted)
+    world.reset()
+    beside, weight = callbacks_beside(wanted, world, budget), learner.policy.action_net.weight
+    before, has_changed = weight.clone(), []
+    for callback in beside:
+        callback.init_callback(learner)
+    for budget.done in (499, 500):
+        for callback in beside:
+            callback.on_rollout_start()
+        has_changed.append(not weight.equal(before))
+    assert has_changed == [False, True]
     world.close()
 
 
