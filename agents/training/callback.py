@@ -113,7 +113,9 @@ class TrainingCallback(BaseCallback):
         self.budget.done += self.training_env.num_envs
         if time.monotonic() - self._told > TELL_S:
             self._look()
-        return not (self.budget.is_over or self.reached)
+        # Steps end with a whole rollout, which is learned from; minutes end at once.
+        is_late = self.budget.steps is None and self.budget.is_over
+        return not (is_late or self.reached)
 
     def _on_rollout_start(self) -> None:
         check_sound(self.model)

@@ -77,6 +77,24 @@ def test_a_score_is_of_what_it_was_made_by() -> None:
     assert by_other != by_own
 
 
+def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
+    """Of 8 karts with 50 decisions each, so 400 decisions; one begun is finished."""
+    for steps, rollouts in ((100, 1), (400, 1), (401, 2), (800, 2)):
+        changes = (*QUICK, f"steps={steps}", "evaluation.times=1", "evaluation.seconds=1.0")
+        place = tmp_path / str(steps)
+        place.mkdir()
+        done = train(read_settings("time-trial-ppo", changes), place)
+        assert done.evaluation["steps"] == 400 * rollouts
+        latest = torch.load(place / LATEST, weights_only=True)
+        assert latest["counters"]["_n_updates"] == rollouts  # of one epoch each
+
+
+def test_minutes_that_are_over_end_a_rollout(tmp_path: Path) -> None:
+    changes = (*QUICK, "steps=none", "minutes=1e-9", "evaluation.seconds=1.0")
+    done = train(read_settings("time-trial-ppo", changes), tmp_path)
+    assert done.evaluation["steps"] <= 8
+
+
 def test_a_run_with_less_time_than_it_has_had_is_refused_and_left_as_it_is(
     outcome: TrainingResult, tmp_path: Path
 ) -> None:
