@@ -15,7 +15,7 @@ from race_agents.training.evaluation import basis_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.settings import Settings
-from race_server.core.seeds import RESUMED
+from race_server.core.seeds import resumed_seed
 from race_server.errors import ScenarioError
 
 OTHER_SCORE = (
@@ -49,5 +49,5 @@ def restored(
     if budget.is_over:
         say(f"it has learned for {budget}, so it is only evaluated and written")
     # Seeds other than at the beginning, and those of no exam.
-    learner.set_random_seed(RESUMED + settings.seed + budget.done)
+    learner.set_random_seed(resumed_seed(settings.seed, budget.done))
     return best_score

@@ -77,6 +77,17 @@ def test_a_score_is_of_what_it_was_made_by() -> None:
     assert by_other != by_own
 
 
+def test_a_run_of_more_decisions_than_fit_into_31_bits_is_resumed(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    stored = torch.load(tmp_path / LATEST, weights_only=True)
+    torch.save({**stored, "done": 2_200_000_000}, tmp_path / LATEST)
+    settings = folder.settings_in(tmp_path, ("steps=2200000400", "evaluation.seconds=1.0"))
+    assert train(settings, tmp_path, resume=True).evaluation["steps"] == 2_200_000_400
+
+
 def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
     """Of 8 karts with 50 decisions each, so 400 decisions; one begun is finished."""
     for steps, rollouts in ((100, 1), (400, 1), (401, 2), (800, 2)):
