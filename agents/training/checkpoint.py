@@ -111,8 +111,33 @@ def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
 
 
 def basis_in(path: Path) -> str:
-    """Return what the score of a checkpoint that can be read was made by; of old ones ""."""
-    return str(torch.load(path, weights_only=True).get("basis", ""))
+    """Return what the score of a checkpoint was made by; of old ones "".
+
+    Raises:
+        ScenarioError: it is missing or damaged.
+    """
+    return str(_read(path).get("basis", ""))
+
+
+def decisions_in(path: Path) -> int:
+    """Return after how many decisions a checkpoint was saved.
+
+    Raises:
+        ScenarioError: it is missing or damaged.
+    """
+    return int(_read(path).get("done", 0))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return dict(torch.load(path, weights_only=True))
+    except FileNotFoundError as error:
+        raise ScenarioError(
+            f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
+            "again"
+        ) from error
+    except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
+        raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error
 
 
 def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:
@@ -123,8 +148,8 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget)
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
     """
+    content = _read(path)
     try:
-        content = torch.load(path, weights_only=True)
         learner.set_parameters(content["parameters"], exact_match=True, device="cpu")
         beside = content.get("beside", {})
         for name, weight in _weights_beside(learner).items():
@@ -146,10 +171,5 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget)
                 one.restore(known[name])
         budget.spent_s, budget.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
-    except FileNotFoundError as error:
-        raise ScenarioError(
-            f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
-            "anew"
-        ) from error
-    except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
+    except Exception as error:  # shapes that do not fit fail in many ways
         raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error

@@ -69,8 +69,8 @@ class Turns:
 class SharedRaces:
     """The batch in which several policies learn, and whose turn it is."""
 
-    def __init__(self, settings: Settings) -> None:
-        """Build the batch of settings with `policies`.
+    def __init__(self, settings: Settings, seed: int | None = None) -> None:
+        """Build the batch of settings with `policies`. seed: default: that of the settings.
 
         Raises:
             RaceError: the settings are not valid.
@@ -84,7 +84,7 @@ class SharedRaces:
         self.batch = Batch(
             task,
             worlds=settings.worlds,
-            seed=settings.seed,
+            seed=settings.seed if seed is None else seed,
             after=REENTER,
             threads=settings.threads,
         )

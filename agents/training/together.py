@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from race_agents.training import folder
-from race_agents.training.callback import Tell, TrainingProgress
+from race_agents.training.callback import LATEST, Tell, TrainingProgress
+from race_agents.training.checkpoint import decisions_in
 from race_agents.training.lines import Say
 from race_agents.training.run import TrainingResult, train
 from race_agents.training.seats import OtherEnded, Seats, SharedRaces
 from race_agents.training.settings import Settings
+from race_server.core.seeds import resumed_seed
 
 WAIT_S = 0.2  # between two looks at what a person types
 
@@ -55,9 +57,16 @@ class Company:
         Raises:
             RaceError: the settings are not valid.
         """
-        self.races = SharedRaces(self.settings)
+        seed = self._resumed_seed() if self.options["resume"] else None
+        self.races = SharedRaces(self.settings, seed)
         count = range(len(self.settings.policies))
         self.seats = [Seats(self.races, self.settings, number) for number in count]
+
+    def _resumed_seed(self) -> int:
+        """Return a seed that these races have not had, by what all have learned from so far."""
+        paths = [self.place / one.name / LATEST for one in self.settings.policies]
+        done = sum(decisions_in(path) for path in paths if path.exists())
+        return resumed_seed(self.settings.seed, done)
 
     def learn(self, number: int, own: Settings) -> None:
         """Train one policy, in its thread."""
