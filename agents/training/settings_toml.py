@@ -183,7 +183,10 @@ def _check_policies(settings: Settings, source: str) -> None:
 def _check_seeds(settings: Settings, source: str) -> None:
     """Refuse seeds of an evaluation or an exam: in a lot, seeds are what is held out."""
     first, tried = settings.seed, settings.evaluation
-    last = first + settings.worlds - 1
+    # A teacher has as many worlds, with the seeds behind these, see `imitation.School`.
+    count = settings.worlds * (2 if settings.warm_start.teacher else 1)
+    whose_worlds = "its worlds and its teacher's" if count > settings.worlds else "the worlds"
+    last = first + count - 1
     taken = {
         "evaluation.first_seed": (tried.first_seed, tried.first_seed + tried.seeds - 1),
         "the last evaluation": (tried.final_seed, tried.final_seed + tried.seeds - 1),
@@ -192,8 +195,8 @@ def _check_seeds(settings: Settings, source: str) -> None:
     for whose, (lowest, highest) in taken.items():
         if first <= highest and last >= lowest:
             raise ScenarioError(
-                f"{source}: seed = {first}, worlds = {settings.worlds}: the worlds have the seeds "
-                f"{first} to {last}, and those from {lowest} on are for {whose}; choose others"
+                f"{source}: seed = {first}, worlds = {settings.worlds}: {whose_worlds} have the "
+                f"seeds {first} to {last}, and those from {lowest} on are for {whose}; choose others"
             )
 
 

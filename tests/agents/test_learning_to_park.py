@@ -236,3 +236,12 @@ def test_no_training_in_a_lot_draws_the_seeds_of_an_exam() -> None:
             settings(f"seed={seed}")
     assert settings(f"seed={HELD_OUT - 4}").seed == HELD_OUT - 4  # and three more worlds
     assert RESUMED > HELD_OUT + 10**9
+
+
+def test_a_teacher_shows_no_seed_of_an_exam() -> None:
+    """The teacher's four worlds have the seeds behind those of the four that learn."""
+    taught = ("warm_start.teacher=planner", "action=crawl")
+    assert settings(f"seed={HELD_OUT - 8}", *taught).seed == HELD_OUT - 8
+    sentence = f"its worlds and its teacher's have the seeds {HELD_OUT - 7} to {HELD_OUT}, .* exams"
+    with pytest.raises(ScenarioError, match=sentence):
+        settings(f"seed={HELD_OUT - 7}", *taught)
