@@ -195,8 +195,9 @@ def _check_seeds(settings: Settings, source: str) -> None:
     for whose, (lowest, highest) in taken.items():
         if first <= highest and last >= lowest:
             raise ScenarioError(
-                f"{source}: seed = {first}, worlds = {settings.worlds}: {whose_worlds} have the "
-                f"seeds {first} to {last}, and those from {lowest} on are for {whose}; choose others"
+                f"{source}: seed = {first}, worlds = {settings.worlds}: {whose_worlds} have "
+                f"the seeds {first} to {last}, and those from {lowest} on are for {whose}; choose "
+                "others"
             )
 
 
