@@ -281,7 +281,15 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
-    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+    if isinstance(value, str):
+        return f'"{"".join(map(_letter, value))}"'
+    return json.dumps(value) if isinstance(value, bool) else repr(value)
+
+
+def _letter(letter: str) -> str:
+    """Return a letter of a text in TOML, which, unlike JSON, knows no halves of letters."""
+    is_wide = ord(letter) > 0xFFFF or letter == "\x7f"
+    return f"\\U{ord(letter):08x}" if is_wide else json.dumps(letter)[1:-1]
 
 
 def digest_of(settings: Settings) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from race_agents.training import folder
 from race_agents.training.budget import Budget
 from race_agents.training.run import train
 from race_agents.training.settings_toml import as_toml, preset_names, read_settings
@@ -24,6 +25,13 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
     path = tmp_path / "again.toml"
     path.write_text(as_toml(settings))
     assert read_settings(str(path)) == settings
+
+
+@pytest.mark.parametrize("title", ["Kart 🏎", "steps of 2°", 'a "b" \\ud83c', "\x7f\t\n"])
+def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
+    settings = read_settings("time-trial-ppo").model_copy(update={"title": title})
+    folder.begin(tmp_path, settings)
+    assert folder.settings_in(tmp_path) == settings
 
 
 @pytest.mark.parametrize(
