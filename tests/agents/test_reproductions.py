@@ -115,10 +115,17 @@ def test_a_line_holds_the_mean_of_its_runs_beside_theirs() -> None:
     plan = reproduction_named("report-b-algorithms")
     lines = lines_of(plan, [outcome("PPO", 1, reward=4.0), outcome("PPO", 2, reward=5.0)])
     texts = texts_of(plan, lines[0], None, 10)
-    assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.50"]
+    assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.71"]
     assert texts[-1] == "2 of 10"
     assert texts_of(plan, lines[0], None, 2)[-1] == "2"
     assert lines[0].curve == ((10.0, 1.0, 1.0, 1.0), (20.0, 3.0, 2.0, 4.0))  # mean and range
+
+
+def test_the_deviation_is_that_of_a_sample() -> None:
+    plan = reproduction_named("report-b-algorithms")
+    runs = [outcome("PPO", seed, reward=float(seed)) for seed in (1, 2, 3)]
+    assert lines_of(plan, runs)[0].spreads["reward"] == 1.0
+    assert lines_of(plan, runs[:1])[0].spreads["reward"] == 0.0
 
 
 def test_a_difference_to_the_base_is_told() -> None:
