@@ -1,6 +1,6 @@
 """All settings that the result of a training depends on, in frozen structures."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -9,6 +9,7 @@ from race_agents.training.policy_settings import PolicySettings
 from race_agents.training.settings_table import Deviations, File, Table
 from race_agents.training.warm_start_settings import WarmStart
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.seeds import RESUMED
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
@@ -17,6 +18,7 @@ DECISION_TICKS = 3  # in a live race
 FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
+Layers = tuple[Annotated[int, Field(ge=1)], ...]  # neurons of each
 
 ActionName = Literal[
     "continuous",
@@ -47,7 +49,7 @@ class Algorithm(Table):
 class Network(Table):
     """The network of the actor; that of the critic has the same layers."""
 
-    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
     # PPO: at the end. With it the deviation falls evenly; without it, it is learned.
@@ -188,7 +190,7 @@ class Gail(Table):
     demonstrations: File = ""  # a file of `race demonstrate`
     scale: float = Field(default=1.0, gt=0.0)
     own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
-    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = Field(default=(64, 64), min_length=1)
     learning_rate: float = Field(default=3e-4, gt=0.0)
     decisions: int = Field(default=16, ge=1)  # of each kart between lessons of the discriminator
     lessons: int = Field(default=4, ge=1)
@@ -215,7 +217,7 @@ class Settings(Table):
     title: str = ""
     minutes: float | None = Field(default=None, gt=0.0)
     steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
-    seed: int = Field(default=1, ge=0)
+    seed: int = Field(default=1, ge=0, lt=RESUMED)
     worlds: int = Field(default=64, ge=1)
     threads: int = Field(default=1, ge=1)  # of the worlds, and of PPO's lessons
     vehicle: str = "tt02"

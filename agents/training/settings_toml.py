@@ -61,6 +61,11 @@ def settings_of(words: Words, source: str) -> Settings:
             f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
         )
     _check_seats(settings, source)
+    if settings.race.learners > settings.race.karts:
+        raise ScenarioError(
+            f"{source}: race.learners = {settings.race.learners} with race.karts = "
+            f"{settings.race.karts}: give at least as many karts, or fewer learners"
+        )
     _check_discipline(settings, source)
     _check_team(settings, source)
     _check_policies(settings, source)
