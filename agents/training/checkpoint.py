@@ -17,6 +17,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.normaliser import LEAST_VARIANCE, Normaliser, restore_means, state_of
 from race_agents.training.reward_wrapper import RewardWrapper
+from race_agents.training.settings import Settings
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
@@ -119,13 +120,15 @@ def basis_in(path: Path) -> str:
     return str(_read(path).get("basis", ""))
 
 
-def decisions_in(path: Path) -> int:
-    """Return after how many decisions a checkpoint was saved.
+def elapsed_in(path: Path, settings: Settings) -> Budget:
+    """Return the budget of settings with what a checkpoint had spent.
 
     Raises:
         ScenarioError: it is missing or damaged.
     """
-    return int(_read(path).get("done", 0))
+    content, budget = _read(path), Budget.of(settings)
+    budget.spent_s, budget.done = float(content.get("seconds", 0.0)), int(content.get("done", 0))
+    return budget
 
 
 def _read(path: Path) -> dict[str, Any]:

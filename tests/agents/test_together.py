@@ -68,6 +68,21 @@ def test_resumed_policies_learn_in_races_that_they_have_not_had(tmp_path: Path) 
     assert [one.evaluation["steps"] for one in more] == [600, 600]
 
 
+def test_a_policy_that_was_not_written_is_written_when_the_others_have_been(tmp_path: Path) -> None:
+    settings = settings_of("[{name = 'red', karts = 2}, {name = 'blue', karts = 2}]")
+    train_together(settings, tmp_path)
+    written = [tmp_path / "blue" / name for name in ("evaluation.json", "policy.onnx")]
+    for path in written:  # it was killed in between
+        path.unlink()
+    said: list[str] = []
+    (blue,) = train_together(settings, tmp_path, resume=True, say=said.append)
+    assert (blue.folder.name, blue.evaluation["steps"]) == ("blue", 400)
+    assert all(path.exists() for path in written)
+    assert "red: it has learned for all its time and is evaluated, so its karts roll" in said
+    with pytest.raises(ScenarioError, match="has learned for 400 of 400 decisions"):
+        train_together(settings, tmp_path, resume=True)
+
+
 class OneStep:
     """Takes turns without threads: the last of two policies moves the races on."""
 

@@ -88,6 +88,16 @@ def test_a_run_of_more_decisions_than_fit_into_31_bits_is_resumed(
     assert train(settings, tmp_path, resume=True).evaluation["steps"] == 2_200_000_400
 
 
+def test_an_evaluation_of_fewer_decisions_is_made_again(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    """The run had gone on, and was killed before it was evaluated again."""
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    (tmp_path / "evaluation.json").write_text('{"steps": 1000}')
+    assert train(folder.settings_in(tmp_path), tmp_path, resume=True).evaluation["steps"] == 2000
+
+
 def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
     """Of 8 karts with 50 decisions each, so 400 decisions; one begun is finished."""
     for steps, rollouts in ((100, 1), (400, 1), (401, 2), (800, 2)):
