@@ -58,7 +58,8 @@ class TrainOptions:
     steps: Annotated[
         int | None,
         typer.Option(
-            help="Total decisions to train on; not with --minutes. Default: the preset's."
+            help="Total decisions to train on, rounded up to whole rollouts; not with --minutes. "
+            "Default: the preset's."
         ),
     ] = None
     seed: Annotated[

@@ -68,7 +68,7 @@ _PPO = (
     "algorithm.normalise_reward=true",
     "algorithm.options={n_steps = 64, batch_size = 4096, n_epochs = 4, gamma = 0.99, "
     "ent_coef = 2e-3}",
-    "network={layers = [256, 256], activation = 'relu', log_std = -0.3, last_log_std = -1.8}",
+    "network={layers = [256, 256], activation = 'relu', log_std = -0.3}",
     "action=crawl",
     "parking.decision_ticks=30",
 )

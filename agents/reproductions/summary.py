@@ -38,7 +38,7 @@ class VariantSummary:
             return self.spreads[column.key]
         runs = [(run[column.key] or 0.0, run[column.of] or 0.0) for run in self.figures]
         shares = [100.0 * part / whole for part, whole in runs if whole]
-        return float(np.std(shares)) if shares else 0.0
+        return _deviation(shares)
 
     def bounds(self, column: Column) -> tuple[float, float] | None:
         """Return the bounds of 95 % of a percentage, over the counts of all runs; or None."""
@@ -76,7 +76,7 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     for key in runs[0]["figures"]:
         found = [run["figures"][key] for run in runs if run["figures"][key] is not None]
         means[key] = float(np.mean(found)) if found else None
-        spreads[key] = float(np.std(found)) if found else 0.0
+        spreads[key] = _deviation(found)
     steps = max(run["steps"] for run in runs)
     curve = _band([run["curve"] for run in runs])
     figures = tuple(run["figures"] for run in runs)
@@ -84,6 +84,11 @@ def _line(row: Variant, runs: Sequence[dict[str, Any]]) -> VariantSummary:
     known = [name for name in further[0] if all(name in of for of in further)]
     bands = {name: _band([of[name] for of in further]) for name in known}
     return VariantSummary(row, len(runs), steps, means, spreads, curve, figures, bands)
+
+
+def _deviation(values: Sequence[float]) -> float:
+    """Return the standard deviation of what a few values are drawn from; 0 of a single one."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
 
 def _band(curves: Sequence[Sequence[Sequence[float]]]) -> tuple[tuple[float, ...], ...]:

@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from stable_baselines3.common.callbacks import BaseCallback
-
 from race_agents.reproductions.demonstration import imitating
 from race_agents.reproductions.exam import Decide, examine
 from race_agents.reproductions.parking_exam import examine_parking
@@ -23,8 +21,7 @@ from race_agents.reproductions.plan import (
 from race_agents.reproductions.watch import Watch, mean_return, reached_at, settled_at
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
-from race_agents.training.cloning import Cloning
-from race_agents.training.hurl import Mixing
+from race_agents.training.companion_callbacks import callbacks_beside
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
@@ -139,11 +136,7 @@ def _learned(training: Training, tell: Tell) -> Learned:
         world = world_of(settings, training.row.twist, budget)
         learner = learner_of(settings, world, budget, None)
         watch = Watch(settings, budget, tell)
-        callbacks: list[BaseCallback] = [watch]
-        if settings.cloning.demonstrations:
-            callbacks.append(Cloning(settings, world, budget))
-        if settings.mixes:
-            callbacks.append(Mixing(settings, budget))
+        callbacks = [watch, *callbacks_beside(settings, world, budget)]
         learner.learn(budget.steps_left, callback=callbacks)
     learning_s = watch.cpu_s
     world.close()

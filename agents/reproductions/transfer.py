@@ -24,6 +24,7 @@ from race_agents.reproductions.parking_v0 import SHARE, examine_there, make_park
 from race_agents.reproductions.plan import Learned, ParkingExam
 from race_agents.reproductions.watch import Watch, mean_return
 from race_agents.training.budget import Budget
+from race_agents.training.companion_callbacks import callbacks_beside
 from race_agents.training.hindsight import hindsight_learner, slackened, vehicles_of
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.normaliser import Normaliser
@@ -133,7 +134,8 @@ class OnThere:
             begin_with_policy(policy_path(self.name), learner, world)
             world.training = False  # what it has learned depends on the means of home
         watch = Watch(settings, budget, tell)
-        learner.learn(budget.steps_left, callback=watch)
+        callbacks = [watch, *callbacks_beside(settings, world, budget)]
+        learner.learn(budget.steps_left, callback=callbacks)
 
         def decide(seen: Any) -> Any:
             return learner.predict(world.normalize_obs(seen), deterministic=True)[0]
@@ -168,7 +170,8 @@ def _taught(settings: str) -> tuple[Decide, Watch]:
     budget = Budget.of(asked)
     world = world_of(asked, budget)
     learner, watch = learner_of(asked, world, budget, None), Watch(asked, budget, lambda _: None)
-    learner.learn(budget.steps_left, callback=watch)
+    callbacks = [watch, *callbacks_beside(asked, world, budget)]
+    learner.learn(budget.steps_left, callback=callbacks)
     world.close()
 
     def decide(seen: Any) -> Any:

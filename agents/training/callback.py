@@ -16,7 +16,14 @@ from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import CURRICULUM, companions_in, save_checkpoint
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.curve import Point, append
-from race_agents.training.evaluation import Examiner, Marks, learning_figures, learning_words
+from race_agents.training.divergence import check_sound
+from race_agents.training.evaluation import (
+    Examiner,
+    Marks,
+    basis_of,
+    learning_figures,
+    learning_words,
+)
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
@@ -98,6 +105,7 @@ class TrainingCallback(BaseCallback):
         self.budget.done += decisions
         if time.monotonic() - self._told > TELL_S:
             self._look()
+        self._save_in_time()
         self._examine_in_time()
         return not self.reached
 
@@ -105,22 +113,32 @@ class TrainingCallback(BaseCallback):
         self.budget.done += self.training_env.num_envs
         if time.monotonic() - self._told > TELL_S:
             self._look()
-        return not (self.budget.is_over or self.reached)
+        # Steps end with a whole rollout, which is learned from; minutes end at once.
+        is_late = self.budget.steps is None and self.budget.is_over
+        return not (is_late or self.reached)
 
     def _on_rollout_start(self) -> None:
+        check_sound(self.model)
         # Between rollouts, so that no policy is evaluated between its gradient steps.
-        if time.monotonic() - self._saved > SAVE_S:
-            self._save()
+        self._save_in_time()
         if self.self_play is not None and self.self_play.go_on(self.model, self.budget.done):
             self._look(rated=True)
         self._examine_in_time()
+
+    def _save_in_time(self) -> None:
+        if time.monotonic() - self._saved > SAVE_S:
+            self._save()
 
     def _examine_in_time(self) -> None:
         if int(self.budget.share * self.settings.evaluation.times) > self._tries:
             self.examine()
 
     def examine(self) -> None:
-        """Evaluate the policy, and save it if it is the best so far."""
+        """Evaluate the policy, and save it if it is the best so far.
+
+        Raises:
+            DivergedError: the network has diverged.
+        """
         self._tries = int(self.budget.share * self.settings.evaluation.times)
         self._look()  # so that the time of the evaluation does not count in the rate of learning
         self._save()
@@ -128,12 +146,18 @@ class TrainingCallback(BaseCallback):
         score = self.last[-1].score(self.settings.evaluation.score)
         if score > self.best_score:
             self.best, self.best_score = self.last, score
-            save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score)
+            basis = basis_of(self.settings)
+            save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score, basis)
         self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 
     def _save(self) -> None:
-        """Save what is learned, so that a training that is killed goes on from there."""
+        """Save what is learned, so that a training that is killed goes on from there.
+
+        Raises:
+            DivergedError: the network has diverged: what was saved last stays.
+        """
+        check_sound(self.model)
         save_checkpoint(self._folder / LATEST, self.model, self._world, self.budget)
         self._saved = time.monotonic()
 

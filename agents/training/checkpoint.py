@@ -17,6 +17,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.normaliser import LEAST_VARIANCE, Normaliser, restore_means, state_of
 from race_agents.training.reward_wrapper import RewardWrapper
+from race_agents.training.settings import Settings
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
 
@@ -56,9 +57,17 @@ def _weights_beside(learner: Any) -> dict[str, torch.Tensor]:
 
 
 def save_checkpoint(
-    path: Path, learner: Any, world: Normaliser, budget: Budget, score: float = 0.0
+    path: Path,
+    learner: Any,
+    world: Normaliser,
+    budget: Budget,
+    score: float = 0.0,
+    basis: str = "",
 ) -> None:
-    """Write the state of a training, and the score of its policy if it was the best."""
+    """Write the state of a training, and the score of its policy if it was the best.
+
+    basis: what the score was made by, see `evaluation.basis_of`.
+    """
     seen: Any = world.obs_rms  # one box, hence one set of means
     returns = {RETURN + name: value for name, value in state_of(world.ret_rms).items()}
     stretch = np.empty(0) if world.stretch is None else world.stretch
@@ -71,6 +80,7 @@ def save_checkpoint(
         "seconds": budget.seconds,
         "done": budget.done,
         "score": score,
+        "basis": basis,
     }
     # Written aside and moved: a killed process leaves the checkpoint before intact.
     aside = path.with_suffix(".part")
@@ -101,6 +111,38 @@ def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
         setattr(learner, name, value)
 
 
+def basis_in(path: Path) -> str:
+    """Return what the score of a checkpoint was made by; of old ones "".
+
+    Raises:
+        ScenarioError: it is missing or damaged.
+    """
+    return str(_read(path).get("basis", ""))
+
+
+def elapsed_in(path: Path, settings: Settings) -> Budget:
+    """Return the budget of settings with what a checkpoint had spent.
+
+    Raises:
+        ScenarioError: it is missing or damaged.
+    """
+    content, budget = _read(path), Budget.of(settings)
+    budget.spent_s, budget.done = float(content.get("seconds", 0.0)), int(content.get("done", 0))
+    return budget
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return dict(torch.load(path, weights_only=True))
+    except FileNotFoundError as error:
+        raise ScenarioError(
+            f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
+            "again"
+        ) from error
+    except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
+        raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error
+
+
 def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:
     """Restore a training from a checkpoint; return the score it was saved with.
 
@@ -109,8 +151,8 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget)
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
     """
+    content = _read(path)
     try:
-        content = torch.load(path, weights_only=True)
         learner.set_parameters(content["parameters"], exact_match=True, device="cpu")
         beside = content.get("beside", {})
         for name, weight in _weights_beside(learner).items():
@@ -132,10 +174,5 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget)
                 one.restore(known[name])
         budget.spent_s, budget.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
-    except FileNotFoundError as error:
-        raise ScenarioError(
-            f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
-            "anew"
-        ) from error
-    except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
+    except Exception as error:  # shapes that do not fit fail in many ways
         raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error

@@ -44,6 +44,8 @@ class Cloning(BaseCallback):
         policy: Any = self.model.policy
         if self.strength == 0.0 or not self._budget.done:
             return  # before the first rollout the means of observations are not known yet
+        if not policy.action_net.weight.requires_grad:
+            return  # the critic learns alone
         if self._optimiser is None:
             own = (*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters())
             self._optimiser = torch.optim.Adam(own)

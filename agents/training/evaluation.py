@@ -1,5 +1,6 @@
 """Evaluation of a policy on courses and seeds that it did not learn on."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -68,6 +69,25 @@ class Examiner:
         """Close the worlds."""
         for batch in self.batches.values():
             batch.close()
+
+
+def basis_of(settings: Settings) -> str:
+    """Return, as text, what a score of an evaluation depends on: others compare with none of it."""
+    unused = {"times", "final", "final_lots"}
+    tables: dict[str, Any] = {
+        "evaluation": settings.evaluation.model_dump(
+            mode="json", exclude=unused, exclude_defaults=True
+        )
+    }
+    by_return = settings.evaluation.score == "return"
+    if by_return:
+        tables["reward"] = settings.reward
+    if settings.parks:
+        judged = None if by_return else {"lots", "level", "limit_s"}
+        tables["parking"] = settings.parking.model_dump(
+            mode="json", include=judged, exclude_defaults=True
+        )
+    return json.dumps(tables, sort_keys=True)
 
 
 def learning_figures(

@@ -14,7 +14,7 @@ from race_agents.training.far_runner import KEPT, Parameters, Rollout, Runner, p
 from race_agents.training.fast_ppo import FastPpo
 from race_agents.training.settings import Settings
 from race_server.core.observation import layout_of
-from race_server.core.seeds import RESUMED
+from race_server.core.seeds import resumed_seed
 from race_server.envs.spaces import action_space, observation_space
 from race_server.errors import ScenarioError
 
@@ -174,7 +174,7 @@ class FarPpo(FastPpo):
         if not self._begun:
             self._begun = True
             done, seed = self.num_timesteps, int(self.seed or 0)
-            self.crew.begin(RESUMED + seed + done if done else seed)
+            self.crew.begin(resumed_seed(seed, done) if done else seed)
         callback.on_rollout_start()
         parts = self.crew.collect(parameters_of(self, self._world))
         rollout_buffer.reset()

@@ -21,10 +21,11 @@ from race_agents.training.greedy_teacher import GreedyTeacher
 from race_agents.training.lines import Say, find_lines
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.schedule import deviations
-from race_agents.training.settings import PLANNER, Settings, WarmStart
+from race_agents.training.settings import PLANNER, Settings
 from race_agents.training.supervised import Memory, SupervisedSteps
 from race_agents.training.tasks import training_task
 from race_agents.training.teacher import Teacher, shown_to_both
+from race_agents.training.warm_start_settings import WarmStart
 from race_server.envs.actions import CONTINUOUS, CONTROL, CRAWLED, PACED, action_kind
 from race_server.envs.batch import Batch
 from race_server.envs.vector import after_an_episode
@@ -140,7 +141,7 @@ class Imitation:
             if not passed(self._wanted.decisions * self._world.num_envs):
                 break
         policy = self._learner.policy
-        policy.log_std.data.copy_(deviations(self._wanted.log_std, policy.log_std))
+        policy.log_std.data.copy_(deviations(self._wanted.imitated_log_std, policy.log_std))
         show_the_critic(policy)
         # The network depends on these means: those of a few demonstrations would soon change.
         means: Any = self._world.obs_rms

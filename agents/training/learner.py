@@ -9,6 +9,8 @@ import torch
 from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from race_agents.training.active_rollout import ActiveRollout
@@ -148,12 +150,19 @@ def learner_of(
         )
     except (TypeError, ValueError, ArithmeticError, AssertionError) as error:
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
+    _prepare(learner, settings, budget)
+    return learner
+
+
+def _prepare(learner: BaseAlgorithm, settings: Settings, budget: Budget) -> None:
+    """Check what only a learner knows of its options, and let it explore as the settings say."""
+    if isinstance(learner, OffPolicyAlgorithm):
+        _check_episodes(learner)
     if isinstance(learner, DQN):
         _explore_by(learner, budget)
     if isinstance(learner, PPO):
         _check_deviations(learner, settings)
         _answer_at_first(learner, settings.network.first_action)
-    return learner
 
 
 def _options(settings: Settings) -> dict[str, Any]:
@@ -205,6 +214,16 @@ def _explore_by(learner: DQN, budget: Budget) -> None:
         return first + min(budget.share / max(until, 1e-9), 1.0) * (last - first)
 
     learner.exploration_schedule = chance
+
+
+def _check_episodes(learner: OffPolicyAlgorithm) -> None:
+    """Refuse lessons by episodes of several karts before the first one, which would end it."""
+    count, unit = learner.train_freq.frequency, learner.train_freq.unit  # type: ignore[union-attr]
+    if unit == TrainFrequencyUnit.EPISODE and learner.n_envs > 1:
+        raise ScenarioError(
+            f"algorithm.options.train_freq = [{count}, 'episode']: {learner.n_envs} karts learn at "
+            "once, whose episodes end apart; give a number of decisions, or learn with one kart"
+        )
 
 
 def _check_deviations(learner: PPO, settings: Settings) -> None:

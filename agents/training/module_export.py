@@ -25,7 +25,8 @@ from race_server.core.observation import PARTS, layout_of
 from race_server.envs.spaces import action_space
 from race_server.envs.task import Task
 from race_server.errors import DriverError, ScenarioError
-from race_server.scenario.race import is_lot
+from race_server.scenario.level import name_of_level
+from race_server.scenario.race import Scenario, is_lot
 from race_server.version import __version__
 
 COMPARED = 64  # observations on which the file and the module are compared
@@ -51,11 +52,18 @@ def metadata_of_task(task: Task, algorithm: str) -> PolicyMetadata:
         algorithm=algorithm,
         tracks=() if parks else courses,
         lots=courses if parks else (),
+        level=_level_of(scenario),
         seed=0,
         settings="",
         simulator=__version__,
         base=task.base,
     )
+
+
+def _level_of(scenario: Scenario) -> str:
+    """Return the name of the level of a scenario, if it is not that of its lot."""
+    name, lot = name_of_level(scenario.level), scenario.course.lot
+    return "" if lot is None or name == lot.level else name
 
 
 def export_module(path: Path, module: nn.Module, task: Task, algorithm: str = "other") -> Policy:

@@ -17,7 +17,10 @@ class Rivals:
         """Start with the anchors, and with earlier snapshots of the run."""
         self.settings = settings
         self.folder = folder / SNAPSHOTS
-        self.snapshots = sorted(self.folder.glob("*.onnx"))
+        # By their number: one of more digits is later, though text has it before.
+        self.snapshots = sorted(
+            self.folder.glob("*.onnx"), key=lambda path: (len(path.stem), path.stem)
+        )
 
     def place_for(self, decisions: int) -> Path:
         """Return the file for a snapshot of a learner after `done` decisions."""

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.policies.registry import (
     BEST,
     CONFIG,
-    EVALUATION,
     POLICY,
     policy_path,
     run_folder,
@@ -20,21 +18,21 @@ from race_agents.policies.session import Policy
 from race_agents.policies.verification import MOST_DIFFERENCE, times_of
 from race_agents.training import curve, folder
 from race_agents.training.budget import Budget
-from race_agents.training.callback import CURVE, LATEST, Tell, TrainingCallback
+from race_agents.training.callback import CURVE, Tell, TrainingCallback
 from race_agents.training.checkpoint import begin_with, load_checkpoint
-from race_agents.training.cloning import Cloning
+from race_agents.training.companion_callbacks import callbacks_beside
+from race_agents.training.divergence import ENDED, has_diverged
 from race_agents.training.evaluation import Examiner, Marks
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.far_ppo import Crew, FarKarts, FarPpo
 from race_agents.training.film import record_laps, record_parking
-from race_agents.training.hurl import Mixing
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
 from race_agents.training.lines import Say
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.policy_start import begin_with_policy
 from race_agents.training.race_marks import RaceMarks
-from race_agents.training.schedule import Schedule
+from race_agents.training.resumption import restored
 from race_agents.training.self_play import SelfPlay
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import (
@@ -43,7 +41,6 @@ from race_agents.training.tasks import (
     final_courses,
     validation_courses,
 )
-from race_server.core.seeds import RESUMED
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
@@ -95,7 +92,7 @@ def train(
     if settings.warm_start.policy and not resume:
         begin_with_policy(policy_path(settings.warm_start.policy), learner, world)
     if resume:
-        best_score = _restored(settings, place, learner, world, budget, say)
+        best_score = restored(settings, place, learner, world, budget, say)
     known = _learned_on(settings)
     if known:
         say(f"evaluation.final: {', '.join(known)}: {LEARNED_ON}")
@@ -105,8 +102,7 @@ def train(
     callback = TrainingCallback(settings, place, world, budget, tell, best_score, played, log)
     callback.init_callback(learner)
     try:
-        stopped = _learn(settings, learner, world, callback, say)
-        callback.examine()
+        stopped, diverged = _learned(settings, place, learner, world, callback, say)
         budget.stop()
         told = {
             "steps": budget.done,
@@ -114,6 +110,7 @@ def train(
             "stopped": stopped,
             "resumed": resume,
             "learned_on": known,
+            **({"diverged": True} if diverged else {}),
             **({"learned_with": list(company)} if company else {}),
         }
         # The latest is to resume from; the best is exported.
@@ -140,29 +137,6 @@ def _begun(
     return world, learner_of(settings, world, budget, logs, {"crew": crew}, FarPpo)
 
 
-def _restored(
-    settings: Settings, place: Path, learner: Any, world: Normaliser, budget: Budget, say: Say
-) -> float:
-    """Put a learner and its world back to where a run ended; return the best score so far.
-
-    Raises:
-        ScenarioError: there is no run, or it has learned for all its time and is evaluated.
-    """
-    best_score = -np.inf
-    if (place / BEST).exists() or not (place / LATEST).exists():
-        best_score = load_checkpoint(place / BEST, learner, world, budget)
-    load_checkpoint(place / LATEST, learner, world, budget)
-    curve.cut(place / CURVE, budget.done)  # what was learned after it is learned again
-    if budget.is_over and (place / EVALUATION).exists():
-        world.close()
-        raise ScenarioError(f"{place} has learned for {budget}: give it more than that, in all")
-    if budget.is_over:
-        say(f"it has learned for {budget}, so it is only evaluated and written")
-    # Seeds other than at the beginning, and those of no exam.
-    learner.set_random_seed(RESUMED + settings.seed + budget.done)
-    return best_score
-
-
 def _learned_on(settings: Settings) -> list[str]:
     """Return the tracks of the last evaluation that are learned on as well.
 
@@ -183,6 +157,35 @@ def warn_of_lidar(settings: Settings, say: Say) -> None:
         )
 
 
+def _learned(
+    settings: Settings,
+    place: Path,
+    learner: Any,
+    world: Normaliser,
+    callback: TrainingCallback,
+    say: Say,
+) -> tuple[bool, bool]:
+    """Learn, and evaluate what was learned last; return whether a person, or divergence, ended it.
+
+    Raises:
+        ScenarioError: it has diverged before its first evaluation.
+    """
+    try:
+        stopped = _learn(settings, learner, world, callback, say)
+        callback.examine()
+    except Exception as error:  # what is no number is noticed in many places
+        if not has_diverged(learner):
+            raise
+        if not (place / BEST).exists():
+            raise ScenarioError(
+                "the network has diverged before its first evaluation: choose a smaller "
+                f"algorithm.learning_rate than {settings.algorithm.learning_rate:g}"
+            ) from error
+        say(ENDED)
+        return False, True
+    return stopped, False
+
+
 def _learn(
     settings: Settings, learner: Any, world: Normaliser, callback: TrainingCallback, say: Say
 ) -> bool:
@@ -194,11 +197,7 @@ def _learn(
         budget.start()
         if not (budget.is_over or callback.reached):
             callback.method = settings.algorithm.name
-            callbacks: list[BaseCallback] = [callback, Schedule(settings, budget)]
-            if settings.cloning.demonstrations:
-                callbacks.append(Cloning(settings, world, budget))
-            if settings.mixes:
-                callbacks.append(Mixing(settings, budget))
+            callbacks = [callback, *callbacks_beside(settings, world, budget)]
             learner.learn(budget.steps_left, callback=callbacks, reset_num_timesteps=False)
     except KeyboardInterrupt:
         say(

@@ -7,7 +7,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.training.budget import Budget
-from race_agents.training.settings import Deviations, Settings
+from race_agents.training.settings import Settings
+from race_agents.training.settings_table import Deviations
 from race_server.errors import ScenarioError
 
 
@@ -38,7 +39,10 @@ class Schedule(BaseCallback):
         warm, network = settings.warm_start, settings.network
         self._begin = warm.end
         self._critic_until = warm.critic_end
-        self._first: Deviations = warm.log_std if warm.is_wanted else network.log_std
+        self._told = warm.log_std if warm.policy else None  # of a policy that no one imitated
+        self._first: Deviations = network.log_std if self._told is None else self._told
+        if warm.is_wanted:
+            self._first = warm.imitated_log_std
         self._last = network.last_log_std
 
     def _on_rollout_start(self) -> None:
@@ -57,6 +61,8 @@ class Schedule(BaseCallback):
             elapsed = self._budget.share_since(self._begin)
             first, last = (deviations(each, deviation) for each in (self._first, self._last))
             deviation.data.copy_(first + elapsed * (last - first))
+        elif self._told is not None and not self._budget.done:
+            deviation.data.copy_(deviations(self._told, deviation))
 
     def _on_step(self) -> bool:
         return True

@@ -17,6 +17,7 @@ from race_agents.training.policy_settings import PolicySettings
 from race_agents.training.settings import Settings
 from race_agents.training.tasks import training_task
 from race_server.core.observation import layout_of
+from race_server.envs.action_shapes import finite
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import REENTER
 from race_server.envs.global_state import own_states
@@ -68,8 +69,8 @@ class Turns:
 class SharedRaces:
     """The batch in which several policies learn, and whose turn it is."""
 
-    def __init__(self, settings: Settings) -> None:
-        """Build the batch of settings with `policies`.
+    def __init__(self, settings: Settings, seed: int | None = None) -> None:
+        """Build the batch of settings with `policies`. seed: default: that of the settings.
 
         Raises:
             RaceError: the settings are not valid.
@@ -83,7 +84,7 @@ class SharedRaces:
         self.batch = Batch(
             task,
             worlds=settings.worlds,
-            seed=settings.seed,
+            seed=settings.seed if seed is None else seed,
             after=REENTER,
             threads=settings.threads,
         )
@@ -93,9 +94,11 @@ class SharedRaces:
         """Put the actions of karts into the batch, and wait until all races are a decision on.
 
         Raises:
+            ScenarioError: they are no numbers, as this policy has diverged.
             KeyboardInterrupt: a person stopped all policies.
             OtherEnded: another policy failed.
         """
+        finite(actions)  # before they are among those of policies that have not diverged
         mine = self.batch.buffers.actions[:, karts.start : karts.stop]
         mine[...] = actions.reshape(mine.shape)
         self._move_on(number)

@@ -18,6 +18,8 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.task import Task
+from race_server.errors import ScenarioError
+from race_server.kept_file import write_together
 from race_server.scenario.race import Scenario
 from race_server.storage.results.ratings import Rating, ratings
 
@@ -141,13 +143,23 @@ def _reordered(scenario: Scenario, chance: Random) -> Scenario:
 
 
 def _read(path: Path) -> tuple[list[Order], list[Rating]]:
+    """Return the races of a run so far, and the ratings that follow from them.
+
+    Raises:
+        ScenarioError: the file is damaged.
+    """
     if not path.is_file():
         return [], []
-    words = json.loads(path.read_text(encoding="utf-8"))
-    races = [[(driver, rank) for driver, rank in race] for race in words["races"]]
+    try:
+        words = json.loads(path.read_text(encoding="utf-8"))
+        races = [[(str(driver), int(rank)) for driver, rank in race] for race in words["races"]]
+    except (ValueError, TypeError, KeyError) as error:
+        raise ScenarioError(
+            f"{path}: damaged: {error}; remove it, and rating begins with the next snapshot"
+        ) from error
     return races, ratings(races)
 
 
 def _write(path: Path, races: list[Order], rated: list[Rating]) -> None:
     words = {"ratings": [asdict(one) for one in rated], "races": races}
-    path.write_text(json.dumps(words, indent=1) + "\n", encoding="utf-8")
+    write_together({path: (json.dumps(words, indent=1) + "\n").encode()})

@@ -1,15 +1,15 @@
 """All settings that the result of a training depends on, in frozen structures."""
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from race_agents.training.parking_settings import HurlSettings, ParkingSettings
 from race_agents.training.policy_settings import PolicySettings
-from race_agents.training.settings_table import Table
+from race_agents.training.settings_table import Deviations, File, Table
+from race_agents.training.warm_start_settings import WarmStart
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.free_space.state_costs import CELL
+from race_server.core.seeds import RESUMED
 from race_server.envs.reality_gap import RealityGap
 
 LEARNER = "learner"  # in the seats of self-play
@@ -18,8 +18,7 @@ DECISION_TICKS = 3  # in a live race
 FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
-# Logarithms of the deviations of actions: one for all their numbers, or one for each.
-Deviations = float | tuple[float, ...]
+Layers = tuple[Annotated[int, Field(ge=1)], ...]  # neurons of each
 
 ActionName = Literal[
     "continuous",
@@ -36,14 +35,6 @@ ActionName = Literal[
 ]
 
 
-def _absolute(path: str) -> str:
-    return str(Path(path).expanduser().absolute()) if path else ""
-
-
-# In full, so that the settings in a run's folder mean the same file from anywhere.
-File = Annotated[str, AfterValidator(_absolute)]
-
-
 class Algorithm(Table):
     """The learning algorithm. `options` are those of its class, most of Stable-Baselines3's."""
 
@@ -58,7 +49,7 @@ class Algorithm(Table):
 class Network(Table):
     """The network of the actor; that of the critic has the same layers."""
 
-    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = Field(default=(64, 64), min_length=1)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
     # PPO: at the end. With it the deviation falls evenly; without it, it is learned.
@@ -179,68 +170,6 @@ class Goal(Table):
     hits: float | None = None  # share that ended in a collision, at most
 
 
-class WarmStart(Table):
-    """Imitation before PPO learns by reward; without teacher and demonstrations there is none."""
-
-    # A scripted driver, which may see more than the learner; in a lot `planner`, see
-    # `agents/training/greedy_teacher.py`.
-    teacher: str = ""
-    # To a teacher that takes it, as a residual action, see `race_server.envs.actions`.
-    advice: tuple[float, ...] = ()
-    # Greatest distance [m] between the learner and the lane that the teacher remembers, which a
-    # learner cannot observe; None: no limit.
-    lane_reach: float | None = Field(default=None, ge=0.0)
-    demonstrations: File = ""  # a file of `race demonstrate`
-    # A run with the same network and observation: what was best there is the beginning. With
-    # neither teacher nor demonstrations PPO goes on from it at once.
-    run: str = ""
-    # The same of a policy file, or of a bundled policy by its name. What values are worth it does
-    # not say, so the critic learns alone at first.
-    policy: str = ""
-    share: float = Field(default=0.5, gt=0.0, le=1.0)  # of the training
-    critic_share: float = Field(default=0.05, ge=0.0, le=1.0)  # then; the critic learns alone
-    critic_learning_rate: float | None = Field(default=None, gt=0.0)  # then; None: as afterwards
-    log_std: Deviations = -2.0  # then; what is learned already needs less trying out
-    # The share of steps that the teacher drives falls from all to none in this share of it.
-    teacher_drives: float = Field(default=0.125, ge=0.0, le=1.0)
-    teacher_keeps: float = Field(default=0.0, ge=0.0, le=1.0)  # the least share; not none
-    stretch: int = Field(default=1, ge=1)  # decisions in a row that one of both drives, on average
-    # Of the planner: side of the cells [m] of its costs to go, for a wheelbase or bar of 7.7 m.
-    cell: float = Field(default=CELL, ge=0.2, le=1.0)
-    caution: float = Field(default=1.0, gt=0.0, le=1.0)  # share of its line's speeds
-    margin: float | None = Field(default=None, ge=0.0)  # [m] of its line; None: as in a race
-    noise: float = Field(default=0.05, ge=0.0)  # standard deviation of what is driven
-    memory: int = Field(default=2**20, ge=1)  # labels that are kept
-    decisions: int = Field(default=16, ge=1)  # of each kart between lessons
-    lessons: int = Field(default=6, ge=1)
-    batch_size: int = Field(default=2048, ge=1)
-    learning_rate: float = Field(default=1e-3, gt=0.0)
-    last_learning_rate: float = Field(default=1e-5, ge=0.0)
-    # Inputs are stretched until they are uncorrelated, but for directions of less variance.
-    floor: float = Field(default=3e-3, gt=0.0)
-    loss: Literal["squared", "absolute", "huber"] = "squared"
-    steering_weight: float = Field(default=1.0, ge=0.0)  # of its error, against the pedals'
-    # Of the pedals that fit what is seen, full brake first, the one that is learned: below one half
-    # the learner is careful where it cannot see what its teacher knows.
-    quantile: float = Field(default=0.5, gt=0.0, lt=1.0)
-
-    @property
-    def is_wanted(self) -> bool:
-        """Whether there is a teacher or a demonstration to imitate."""
-        return bool(self.teacher or self.demonstrations)
-
-    @property
-    def end(self) -> float:
-        """The share of the training at which it is over."""
-        return self.share if self.is_wanted else 0.0
-
-    @property
-    def critic_end(self) -> float:
-        """The share of the training from which the actor learns by reward."""
-        alone = self.critic_share if self.is_wanted or self.policy else 0.0
-        return self.end + alone
-
-
 class Cloning(Table):
     """Imitation of demonstrations beside PPO, in its first steps; without a file there is none.
 
@@ -261,7 +190,7 @@ class Gail(Table):
     demonstrations: File = ""  # a file of `race demonstrate`
     scale: float = Field(default=1.0, gt=0.0)
     own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
-    layers: tuple[int, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = Field(default=(64, 64), min_length=1)
     learning_rate: float = Field(default=3e-4, gt=0.0)
     decisions: int = Field(default=16, ge=1)  # of each kart between lessons of the discriminator
     lessons: int = Field(default=4, ge=1)
@@ -288,7 +217,7 @@ class Settings(Table):
     title: str = ""
     minutes: float | None = Field(default=None, gt=0.0)
     steps: int | None = Field(default=None, ge=1)  # decisions of learning karts; instead of minutes
-    seed: int = Field(default=1, ge=0)
+    seed: int = Field(default=1, ge=0, lt=RESUMED)
     worlds: int = Field(default=64, ge=1)
     threads: int = Field(default=1, ge=1)  # of the worlds, and of PPO's lessons
     vehicle: str = "tt02"

@@ -61,6 +61,11 @@ def settings_of(words: Words, source: str) -> Settings:
             f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
         )
     _check_seats(settings, source)
+    if settings.race.learners > settings.race.karts:
+        raise ScenarioError(
+            f"{source}: race.learners = {settings.race.learners} with race.karts = "
+            f"{settings.race.karts}: give at least as many karts, or fewer learners"
+        )
     _check_discipline(settings, source)
     _check_team(settings, source)
     _check_policies(settings, source)
@@ -183,7 +188,10 @@ def _check_policies(settings: Settings, source: str) -> None:
 def _check_seeds(settings: Settings, source: str) -> None:
     """Refuse seeds of an evaluation or an exam: in a lot, seeds are what is held out."""
     first, tried = settings.seed, settings.evaluation
-    last = first + settings.worlds - 1
+    # A teacher has as many worlds, with the seeds behind these, see `imitation.School`.
+    count = settings.worlds * (2 if settings.warm_start.teacher else 1)
+    whose_worlds = "its worlds and its teacher's" if count > settings.worlds else "the worlds"
+    last = first + count - 1
     taken = {
         "evaluation.first_seed": (tried.first_seed, tried.first_seed + tried.seeds - 1),
         "the last evaluation": (tried.final_seed, tried.final_seed + tried.seeds - 1),
@@ -192,8 +200,9 @@ def _check_seeds(settings: Settings, source: str) -> None:
     for whose, (lowest, highest) in taken.items():
         if first <= highest and last >= lowest:
             raise ScenarioError(
-                f"{source}: seed = {first}, worlds = {settings.worlds}: the worlds have the seeds "
-                f"{first} to {last}, and those from {lowest} on are for {whose}; choose others"
+                f"{source}: seed = {first}, worlds = {settings.worlds}: {whose_worlds} have "
+                f"the seeds {first} to {last}, and those from {lowest} on are for {whose}; choose "
+                "others"
             )
 
 
@@ -277,7 +286,15 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
-    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+    if isinstance(value, str):
+        return f'"{"".join(map(_letter, value))}"'
+    return json.dumps(value) if isinstance(value, bool) else repr(value)
+
+
+def _letter(letter: str) -> str:
+    """Return a letter of a text in TOML, which, unlike JSON, knows no halves of letters."""
+    is_wide = ord(letter) > 0xFFFF or letter == "\x7f"
+    return f"\\U{ord(letter):08x}" if is_wide else json.dumps(letter)[1:-1]
 
 
 def digest_of(settings: Settings) -> str:

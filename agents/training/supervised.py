@@ -9,7 +9,7 @@ from stable_baselines3 import PPO
 from torch.nn import functional
 
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.settings import WarmStart
+from race_agents.training.warm_start_settings import WarmStart
 
 Array = NDArray[np.float32]
 

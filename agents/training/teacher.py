@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.planning.latency import COMMAND, COMMANDS
-from race_agents.training.settings import WarmStart
+from race_agents.training.warm_start_settings import WarmStart
 from race_server.core.clock import TICK_S
 from race_server.core.driver import driver_named
 from race_server.core.kernel_driver import ASIDE, FETCH, PRESSED, SHIFT, memory_size

@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from race_agents.training import folder
-from race_agents.training.callback import Tell, TrainingProgress
+from race_agents.training.callback import LATEST, Tell, TrainingProgress
+from race_agents.training.checkpoint import elapsed_in
 from race_agents.training.lines import Say
+from race_agents.training.resumption import is_complete
 from race_agents.training.run import TrainingResult, train
 from race_agents.training.seats import OtherEnded, Seats, SharedRaces
 from race_agents.training.settings import Settings
+from race_server.core.seeds import resumed_seed
 
+COMPLETE = "it has learned for all its time and is evaluated, so its karts roll"
 WAIT_S = 0.2  # between two looks at what a person types
 
 
@@ -48,6 +52,7 @@ class Company:
     say: Say
     results: dict[int, TrainingResult] = field(default_factory=dict)
     errors: list[BaseException] = field(default_factory=list)
+    complete: set[int] = field(default_factory=set)  # that have nothing to resume
 
     def __post_init__(self) -> None:
         """Build the races.
@@ -55,9 +60,14 @@ class Company:
         Raises:
             RaceError: the settings are not valid.
         """
-        self.races = SharedRaces(self.settings)
-        count = range(len(self.settings.policies))
-        self.seats = [Seats(self.races, self.settings, number) for number in count]
+        owns, seed = settings_of_each(self.settings), None
+        if self.options["resume"]:
+            # That of no race so far, by what all have learned from.
+            homes = [self.place / one.name for one in self.settings.policies]
+            seed = resumed_seed(self.settings.seed, sum(map(_decisions_of, homes, owns)))
+            self.complete = {n for n, home in enumerate(homes) if is_complete(home, owns[n])}
+        self.races = SharedRaces(self.settings, seed)
+        self.seats = [Seats(self.races, self.settings, number) for number in range(len(owns))]
 
     def learn(self, number: int, own: Settings) -> None:
         """Train one policy, in its thread."""
@@ -65,7 +75,10 @@ class Company:
         home = self.place / name
         turns.wait(number)
         try:
-            if not turns.failed:
+            # Once all are complete, each says so.
+            if number in self.complete and len(self.complete) < turns.count:
+                self.say(f"{name}: {COMPLETE}")
+            elif not turns.failed:
                 home.mkdir(exist_ok=True)
                 self.results[number] = self._trained(number, own, home)
         except OtherEnded:
@@ -102,7 +115,8 @@ def train_together(
 ) -> list[TrainingResult]:
     """Train all policies of settings, each into a folder of its name in `place`.
 
-    Ctrl-C ends the learning of all early, not the run.
+    Ctrl-C ends the learning of all early, not the run. What is resumed has results only for those
+    that were not complete.
 
     Raises:
         RaceError: the settings are not valid, or there is nothing to resume.
@@ -124,6 +138,11 @@ def train_together(
     if resume:
         folder.begin(place, settings)
     return [company.results[number] for number in sorted(company.results)]
+
+
+def _decisions_of(home: Path, own: Settings) -> int:
+    """Return from how many decisions a policy had learned that is resumed."""
+    return elapsed_in(home / LATEST, own).done if (home / LATEST).exists() else 0
 
 
 def _await(threads: list[threading.Thread], races: SharedRaces) -> None:

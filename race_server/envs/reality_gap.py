@@ -172,6 +172,8 @@ def apply_lag_and_backlash(draws: Floats, memory: Floats, step_s: float, control
         if control[2] > 0.0 or control[1] >= 0.0:
             control[1] = max(memory[LAG_DRIVE], 0.0)
             control[2] = max(-memory[LAG_DRIVE], 0.0)
+        else:
+            control[1] = memory[LAG_DRIVE]  # a pedal backwards, which may still push ahead
     if draws[PLAY] > 0.0:
         # The wheels follow only once the play on this side is used up.
         half = 0.5 * draws[PLAY]

@@ -52,3 +52,8 @@ def level_named(name: str) -> Level:
     if name not in LEVELS:
         raise ScenarioError(f"level {name!r} is unknown; choose one of {', '.join(LEVELS)}")
     return LEVELS[name]
+
+
+def name_of_level(level: Level | None) -> str:
+    """Return the name of tolerances; "" of those that have none."""
+    return next((name for name, known in LEVELS.items() if known == level), "")

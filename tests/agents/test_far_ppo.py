@@ -14,6 +14,7 @@ from race_agents.training.far_runner import Moments, moments_since
 from race_agents.training.run import train
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
+from race_server.core.seeds import RESUMED, resumed_seed
 from race_server.errors import ScenarioError
 from support.trainings import QUICK
 
@@ -62,6 +63,12 @@ def test_a_run_that_was_killed_learns_again_what_no_checkpoint_knows(tmp_path: P
         curve.append(path, curve.Point(1.0, steps, 10.0, 1e-3))
     curve.cut(path, 200)
     assert [line.split(",")[1] for line in path.read_text().splitlines()] == ["steps", "100", "200"]
+
+
+def test_a_training_resumes_with_seeds_of_32_bits_however_long_it_has_learned() -> None:
+    assert resumed_seed(1, 400) == 2**31 + 401
+    for done in (2**31, 2_200_000_000, 10**12):
+        assert RESUMED <= resumed_seed(1, done) < 2**32 - 999_999
 
 
 def test_worlds_that_cannot_be_shared_evenly_and_what_runners_cannot_do_are_refused() -> None:

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from race_agents.planning.latency import LATENCY
+from race_agents.training import callback
 from race_agents.training.budget import Budget
 from race_agents.training.imitation import School
 from race_agents.training.learner import learner_of, world_of
@@ -106,6 +107,25 @@ def test_a_run_with_a_warm_start_leaves_a_policy(tmp_path: Path) -> None:
     outcome = train(wanted, tmp_path)
     assert outcome.evaluation["parity"] <= 1e-5
     assert outcome.evaluation["tracks"][0]["speed"] > 1.0
+
+
+def test_a_warm_start_that_is_killed_goes_on_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each pass is 16 decisions of 16 karts: after the fourth, 1024 are learned from."""
+    monkeypatch.setattr(callback, "SAVE_S", 0.0)
+    monkeypatch.setattr(callback, "TELL_S", 0.0)
+    told: list[callback.TrainingProgress] = []
+
+    def kill(news: callback.TrainingProgress) -> None:
+        told.append(news)
+        if len(told) == 5:
+            raise OSError
+
+    with pytest.raises(OSError):  # noqa: PT011  # of `kill`
+        train(settings(), tmp_path, tell=kill)
+    assert told[-1].method == "imitation"
+    assert torch.load(tmp_path / callback.LATEST, weights_only=True)["done"] == 1024
 
 
 def test_a_warm_start_ends_once_its_goal_is_reached_and_is_logged(tmp_path: Path) -> None:

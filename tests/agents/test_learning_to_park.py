@@ -13,6 +13,7 @@ import pytest
 from race_agents.commands.exam import ParkingOptions
 from race_agents.training.budget import Budget
 from race_agents.training.cloning import Cloning
+from race_agents.training.companion_callbacks import callbacks_beside
 from race_agents.training.curriculum import Curriculum
 from race_agents.training.demonstrations import (
     pairs_for,
@@ -174,6 +175,24 @@ def test_cloning_beside_ppo_pulls_answers_to_the_demonstrations_and_fades(tmp_pa
     world.close()
 
 
+def test_cloning_waits_while_the_critic_learns_alone(tmp_path: Path) -> None:
+    shown = write_shown(tmp_path / "shown.npz", steering=0.8)
+    cloned = f"cloning={{demonstrations = '{shown}', steps = 1000}}"
+    wanted = settings(cloned, "steps=1000", "warm_start={policy = 'park', critic_share = 0.5}")
+    budget, world, learner = untrained(wanted)
+    world.reset()
+    beside, weight = callbacks_beside(wanted, world, budget), learner.policy.action_net.weight
+    before, has_changed = weight.clone(), []
+    for callback in beside:
+        callback.init_callback(learner)
+    for budget.done in (499, 500):
+        for callback in beside:
+            callback.on_rollout_start()
+        has_changed.append(not weight.equal(before))
+    assert has_changed == [False, True]
+    world.close()
+
+
 def test_of_demonstrations_at_twice_the_pace_every_second_pair_teaches(tmp_path: Path) -> None:
     wanted = settings()
     all_pairs = pairs_for(wanted, write_shown(tmp_path / "all.npz", steering=0.8))
@@ -217,3 +236,12 @@ def test_no_training_in_a_lot_draws_the_seeds_of_an_exam() -> None:
             settings(f"seed={seed}")
     assert settings(f"seed={HELD_OUT - 4}").seed == HELD_OUT - 4  # and three more worlds
     assert RESUMED > HELD_OUT + 10**9
+
+
+def test_a_teacher_shows_no_seed_of_an_exam() -> None:
+    """The teacher's four worlds have the seeds behind those of the four that learn."""
+    taught = ("warm_start.teacher=planner", "action=crawl")
+    assert settings(f"seed={HELD_OUT - 8}", *taught).seed == HELD_OUT - 8
+    sentence = f"its worlds and its teacher's have the seeds {HELD_OUT - 7} to {HELD_OUT}, .* exams"
+    with pytest.raises(ScenarioError, match=sentence):
+        settings(f"seed={HELD_OUT - 7}", *taught)

@@ -10,9 +10,10 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from race_agents.training.module_export import adopt_onnx, export_module
+from race_agents.training.module_export import adopt_onnx, export_module, metadata_of_task
 from race_server.core.driver import driver_named
 from race_server.envs.batch import Batch
+from race_server.envs.presets import parking_task
 from race_server.errors import DriverError, ScenarioError
 from support.tasks import ring_task
 
@@ -55,6 +56,12 @@ def test_merits_of_discrete_actions_become_the_best_of_them(tmp_path: Path) -> N
     task = ring_task(1, observation="radar", action="discrete")
     policy = export_module(tmp_path / "it.onnx", Actor(15), task)
     assert policy.decide(np.zeros((2, SIZE), np.float32)).shape == (2, 1)
+
+
+@pytest.mark.parametrize("level", ["", "precise"])
+def test_a_policy_that_parks_is_checked_at_the_level_that_it_learned(level: str) -> None:
+    metadata = metadata_of_task(parking_task("zone-30", level=level), "mine")
+    assert (metadata.lots, metadata.level) == (("zone-30",), level)
 
 
 class Branching(nn.Module):

@@ -126,9 +126,9 @@ def test_counts_of_all_runs_make_a_percentage_with_its_interval() -> None:
     lines = lines_of(plan, [counted(1, 100, 90), counted(2, 80, 72)])
     texts = texts_of(plan, lines[0], None, 2)
     # Wilson's interval of 180 of 200.
-    assert texts[5] == "90.0 ± 10.0 [85.1, 93.4]"
+    assert texts[5] == "90.0 ± 14.1 [85.1, 93.4]"
     assert texts[7].startswith("90.0 ± 0.0 [")  # 162 aligned of 180 parked
-    assert "10.0 ± 10.0" in texts  # left: counts, but no interval
+    assert "10.0 ± 14.1" in texts  # left: counts, but no interval
     text = page(plan, plan.full, lines, {}, quick=False)
     assert "the interval of 95 % (Wilson) over all starts of all runs" in text
     assert "each then parks from 1000 starts that no training had" in text

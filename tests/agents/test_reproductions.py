@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from race_agents.reproductions import run
+from race_agents.reproductions import run, training
 from race_agents.reproductions.plan import Exam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.registry import reproduction_named, reproduction_names
 from race_agents.reproductions.reports.report_b_time_trial import seconds_of
@@ -23,6 +23,7 @@ from race_agents.reproductions.training import (
 )
 from race_agents.reproductions.watch import mean_return
 from race_agents.reproductions.world import CHOICES, actions_of
+from race_agents.training.learner import learner_of
 from race_agents.training.settings import Goal, Tracks
 from race_server.errors import ScenarioError
 
@@ -114,10 +115,17 @@ def test_a_line_holds_the_mean_of_its_runs_beside_theirs() -> None:
     plan = reproduction_named("report-b-algorithms")
     lines = lines_of(plan, [outcome("PPO", 1, reward=4.0), outcome("PPO", 2, reward=5.0)])
     texts = texts_of(plan, lines[0], None, 10)
-    assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.50"]
+    assert texts[:4] == ["PPO", "3.86", "converges fastest", "4.50 ± 0.71"]
     assert texts[-1] == "2 of 10"
     assert texts_of(plan, lines[0], None, 2)[-1] == "2"
     assert lines[0].curve == ((10.0, 1.0, 1.0, 1.0), (20.0, 3.0, 2.0, 4.0))  # mean and range
+
+
+def test_the_deviation_is_that_of_a_sample() -> None:
+    plan = reproduction_named("report-b-algorithms")
+    runs = [outcome("PPO", seed, reward=float(seed)) for seed in (1, 2, 3)]
+    assert lines_of(plan, runs)[0].spreads["reward"] == 1.0
+    assert lines_of(plan, runs[:1])[0].spreads["reward"] == 0.0
 
 
 def test_a_difference_to_the_base_is_told() -> None:
@@ -259,6 +267,29 @@ def test_dqn_learns_to_pick_increments() -> None:
     found = run_training(trainings_of(plan, scale)[0])
     assert found["steps"] == 128
     assert found["figures"]["speed"] > 0.0
+
+
+def test_the_deviation_of_a_row_falls_to_the_one_that_it_asks_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At the second of two rollouts half of the way from 0 to -3 is over."""
+    learners: list[Any] = []
+
+    def noticed(*arguments: Any) -> Any:
+        learners.append(learner_of(*arguments))
+        return learners[-1]
+
+    monkeypatch.setattr(training, "learner_of", noticed)
+    falls = ("worlds=1", "network.log_std=0.0", "network.last_log_std=-3.0")
+    run_training(trainings_of(tiny((Variant("one", falls),)), TINY)[0])
+    assert learners[0].policy.log_std.tolist() == [-1.5, -1.5]
+
+
+@pytest.mark.parametrize("name", ["park-gate", "report-c-heuristics"])
+def test_runs_that_learned_their_deviation_are_of_settings_without_a_last_one(name: str) -> None:
+    plan = reproduction_named(name)
+    trainings = trainings_of(plan, plan.full)
+    assert {one.settings.network.last_log_std for one in trainings} == {None}
 
 
 def test_a_damaged_cell_is_driven_again(tmp_path: Path) -> None:

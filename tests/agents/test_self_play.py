@@ -15,7 +15,7 @@ from race_agents.training import curve
 from race_agents.training.callback import CURVE
 from race_agents.training.rivals import Rivals, short_name
 from race_agents.training.run import TrainingResult
-from race_agents.training.self_play import RATINGS
+from race_agents.training.self_play import RATINGS, _read, _write
 from race_agents.training.settings import SelfPlaySettings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
@@ -86,6 +86,37 @@ def test_a_snapshot_that_is_taken_again_is_in_the_pool_once(tmp_path: Path) -> N
         rivals.add(path)
         assert all(one.is_file() for one in rivals.snapshots)
     assert [path.stem[-3:] for path in rivals.snapshots] == ["100", "300"]
+
+
+def test_snapshots_are_in_the_order_of_their_decisions(tmp_path: Path) -> None:
+    """As text 1000000000 comes before 999600000."""
+    rivals = Rivals(SelfPlaySettings(snapshots=4), tmp_path)
+    for decisions in (400_000, 999_600_000, 1_000_000_000):
+        path = rivals.place_for(decisions)
+        path.touch()
+        rivals.add(path)
+    assert Rivals(SelfPlaySettings(snapshots=4), tmp_path).snapshots == rivals.snapshots
+
+
+@pytest.mark.parametrize("text", ['{"races": [[["idm", 1', "[]", '{"races": [["idm"]]}', "\xff"])
+def test_ratings_that_are_damaged_are_named(text: str, tmp_path: Path) -> None:
+    (tmp_path / RATINGS).write_bytes(text.encode("latin-1"))
+    with pytest.raises(ScenarioError, match=r"ratings\.json: damaged: .*; remove it, and rating"):
+        _read(tmp_path / RATINGS)
+
+
+def test_ratings_are_whole_or_those_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    races = [[("idm", 1), ("raceline", 2)]]
+    _write(tmp_path / RATINGS, races, [])
+
+    def full(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError):  # noqa: PT011  # of `full`
+        _write(tmp_path / RATINGS, [*races, *races], [])
+    assert _read(tmp_path / RATINGS)[0] == races
+    assert list(tmp_path.iterdir()) == [tmp_path / RATINGS]
 
 
 def test_seats_that_do_not_fit_the_race_are_named() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from race_agents.training import folder
 from race_agents.training.budget import Budget
 from race_agents.training.run import train
 from race_agents.training.settings_toml import as_toml, preset_names, read_settings
@@ -14,7 +15,7 @@ from race_server.core import codes
 from race_server.envs.batch import Batch
 from race_server.errors import ScenarioError
 from race_server.scenario.track.sets import course_named, names_of, track_sets
-from support.trainings import QUICK
+from support.trainings import QUICK, untrained
 
 
 @pytest.mark.parametrize("name", ["time-trial", "time-trial-ppo", "race", "full", "report-b"])
@@ -24,6 +25,13 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
     path = tmp_path / "again.toml"
     path.write_text(as_toml(settings))
     assert read_settings(str(path)) == settings
+
+
+@pytest.mark.parametrize("title", ["Kart 🏎", "steps of 2°", 'a "b" \\ud83c', "\x7f\t\n"])
+def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
+    settings = read_settings("time-trial-ppo").model_copy(update={"title": title})
+    folder.begin(tmp_path, settings)
+    assert folder.settings_in(tmp_path) == settings
 
 
 @pytest.mark.parametrize(
@@ -44,6 +52,9 @@ def test_every_preset_can_be_read_and_written_without_loss(name: str, tmp_path: 
         ("steps=10", "give one of the two"),
         ("algorithm.name=dqn", "dqn needs discrete actions"),
         ("gap.mass=[1.0]", "gap.mass"),
+        ("race.learners=3", "race.learners = 3 with race.karts = 1: give at least as many karts"),
+        ("network.layers=[0]", "network.layers.0 = 0: input should be greater than or equal to 1"),
+        ("seed=5000000000", "seed = 5000000000: input should be less than 2147483648"),
     ],
 )
 def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
@@ -99,6 +110,15 @@ def test_an_unknown_option_of_the_algorithm_is_named(tmp_path: Path) -> None:
     settings = read_settings("time-trial-ppo", [*QUICK, "algorithm.options.n_step=3"])
     with pytest.raises(ScenarioError, match=r"algorithm.options.n_step = 3: ppo has no such"):
         train(settings, tmp_path)
+
+
+def test_episodes_of_several_karts_are_no_measure_of_lessons() -> None:
+    changes = (*QUICK, "algorithm={name = 'sac', options = {train_freq = [1, 'episode']}}")
+    settings = read_settings("time-trial-ppo", changes)
+    with pytest.raises(ScenarioError, match=r"\[1, 'episode'\]: 8 karts learn at once, whose epis"):
+        untrained(settings)
+    _, world, _ = untrained(read_settings("time-trial-ppo", [*changes, "worlds=1"]))
+    world.close()
 
 
 def test_no_course_to_be_tried_out_on_is_learned_on() -> None:

@@ -13,7 +13,7 @@ from race_agents.training.run import train
 from race_agents.training.seats import Seats, SharedRaces
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
-from race_agents.training.together import train_together
+from race_agents.training.together import Company, train_together
 from race_server.errors import ScenarioError
 from support.trainings import QUICK, untrained
 
@@ -52,6 +52,35 @@ def test_each_policy_has_its_own_observation_and_file(tmp_path: Path) -> None:
     sizes = [Policy(one.folder / "policy.onnx").metadata.sizes for one in results]
     assert sizes == [(1, 1, 1), (1,)]
     assert results[1].evaluation["learned_with"] == ["red"]
+
+
+def test_resumed_policies_learn_in_races_that_they_have_not_had(tmp_path: Path) -> None:
+    """After 400 and 400 decisions, the seed of the first race is 2^31 + 1 + 800."""
+    two = "[{name = 'red', karts = 2}, {name = 'blue', karts = 2}]"
+    settings = settings_of(two)
+    train_together(settings, tmp_path)
+    seeds = [
+        Company(settings, tmp_path, {"resume": resume}, print, print).races.batch.buffers.rounds
+        for resume in (False, True)
+    ]
+    assert [rounds["seed"].tolist() for rounds in seeds] == [[1, 2], [2**31 + 801, 2**31 + 802]]
+    more = train_together(settings_of(two, "steps=1200"), tmp_path, resume=True)
+    assert [one.evaluation["steps"] for one in more] == [600, 600]
+
+
+def test_a_policy_that_was_not_written_is_written_when_the_others_have_been(tmp_path: Path) -> None:
+    settings = settings_of("[{name = 'red', karts = 2}, {name = 'blue', karts = 2}]")
+    train_together(settings, tmp_path)
+    written = [tmp_path / "blue" / name for name in ("evaluation.json", "policy.onnx")]
+    for path in written:  # it was killed in between
+        path.unlink()
+    said: list[str] = []
+    (blue,) = train_together(settings, tmp_path, resume=True, say=said.append)
+    assert (blue.folder.name, blue.evaluation["steps"]) == ("blue", 400)
+    assert all(path.exists() for path in written)
+    assert "red: it has learned for all its time and is evaluated, so its karts roll" in said
+    with pytest.raises(ScenarioError, match="has learned for 400 of 400 decisions"):
+        train_together(settings, tmp_path, resume=True)
 
 
 class OneStep:

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from race_agents.policies.session import Policy
 from race_agents.training import curve, folder
 from race_agents.training.callback import BEST, CURVE, LATEST, TrainingProgress
 from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
-from race_agents.training.evaluation import Examiner
+from race_agents.training.evaluation import Examiner, basis_of
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
 from race_agents.training.run import TrainingResult, train, warn_of_lidar
@@ -46,6 +47,73 @@ def test_a_resumed_run_goes_on_counting(outcome: TrainingResult, tmp_path: Path)
     assert again.evaluation["minutes"] > outcome.evaluation["minutes"]
     assert "to the bit" in (outcome.folder / "README.md").read_text()
     assert "this run was interrupted" in (tmp_path / "README.md").read_text()
+
+
+def test_scores_of_another_kind_are_not_compared(outcome: TrainingResult, tmp_path: Path) -> None:
+    """A return of 1000 would never be beaten by metres per second."""
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    stored = torch.load(tmp_path / BEST, weights_only=True)
+    said: list[str] = []
+    for basis, is_kept in (("", True), (stored["basis"], True), ("by return", False)):
+        torch.save({**stored, "score": 1000.0, "basis": basis}, tmp_path / BEST)
+        train(folder.settings_in(tmp_path), tmp_path, resume=True, say=said.append)
+        (tmp_path / "evaluation.json").unlink()
+        score = torch.load(tmp_path / BEST, weights_only=True)["score"]
+        assert (score == 1000.0) == is_kept
+    assert sum("evaluated otherwise than before" in text for text in said) == 1
+
+
+def test_a_score_is_of_what_it_was_made_by() -> None:
+    plain = read_settings("time-trial-ppo", QUICK)
+    more = ("evaluation.times=9", "evaluation.final.names=['covapsy-base']", "reward={speed = 9.0}")
+    assert basis_of(read_settings("time-trial-ppo", [*QUICK, *more])) == basis_of(plain)
+    for change in ("evaluation.score=return", "evaluation.seconds=4.0"):
+        assert basis_of(read_settings("time-trial-ppo", [*QUICK, change])) != basis_of(plain)
+    returns = ("evaluation.score=return", "reward={speed = 9.0}")
+    by_other, by_own = (
+        basis_of(read_settings("time-trial-ppo", [*QUICK, *returns[:count]])) for count in (1, 2)
+    )
+    assert by_other != by_own
+
+
+def test_a_run_of_more_decisions_than_fit_into_31_bits_is_resumed(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    stored = torch.load(tmp_path / LATEST, weights_only=True)
+    torch.save({**stored, "done": 2_200_000_000}, tmp_path / LATEST)
+    settings = folder.settings_in(tmp_path, ("steps=2200000400", "evaluation.seconds=1.0"))
+    assert train(settings, tmp_path, resume=True).evaluation["steps"] == 2_200_000_400
+
+
+def test_an_evaluation_of_fewer_decisions_is_made_again(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    """The run had gone on, and was killed before it was evaluated again."""
+    for name in ("config.toml", LATEST, BEST, CURVE):
+        (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
+    (tmp_path / "evaluation.json").write_text('{"steps": 1000}')
+    assert train(folder.settings_in(tmp_path), tmp_path, resume=True).evaluation["steps"] == 2000
+
+
+def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
+    """Of 8 karts with 50 decisions each, so 400 decisions; one begun is finished."""
+    for steps, rollouts in ((100, 1), (400, 1), (401, 2), (800, 2)):
+        changes = (*QUICK, f"steps={steps}", "evaluation.times=1", "evaluation.seconds=1.0")
+        place = tmp_path / str(steps)
+        place.mkdir()
+        done = train(read_settings("time-trial-ppo", changes), place)
+        assert done.evaluation["steps"] == 400 * rollouts
+        latest = torch.load(place / LATEST, weights_only=True)
+        assert latest["counters"]["_n_updates"] == rollouts  # of one epoch each
+
+
+def test_minutes_that_are_over_end_a_rollout(tmp_path: Path) -> None:
+    changes = (*QUICK, "steps=none", "minutes=1e-9", "evaluation.seconds=1.0")
+    done = train(read_settings("time-trial-ppo", changes), tmp_path)
+    assert done.evaluation["steps"] <= 8
 
 
 def test_a_run_with_less_time_than_it_has_had_is_refused_and_left_as_it_is(

@@ -123,6 +123,18 @@ def test_lag_follows_an_exponential_and_play_swallows_small_moves() -> None:
     assert followed == pytest.approx([0.0, 0.4, 0.4, 0.3])
 
 
+def test_a_pedal_is_as_late_backwards_as_it_is_ahead() -> None:
+    gap = RealityGap(actuator_lag=(0.5, 0.5))
+    task = parking_task("zone-30", action="park", gap=gap, vehicle="kart-13")
+    late = 1.0 - np.exp(-0.1 / 0.5)  # a decision of 0.1 s
+    pedals = []
+    for pedal in (1.0, -1.0):
+        batch = Batch(task)
+        batch.step([[[pedal, 0.0]]])
+        pedals.append(float(batch.buffers.controls[0, 0, 1]))
+    assert pedals == pytest.approx([late, -late])
+
+
 def test_a_lidar_with_drop_outs_loses_its_share_of_rays() -> None:
     batch = Batch(time_trial_task("oval", lidar=Lidar(dropout=0.3, noise=0.05)), worlds=50)
     assert (batch.observations[..., :201] == 0.0).mean() == pytest.approx(0.3, abs=0.02)
