@@ -7,13 +7,13 @@ from pathlib import Path
 
 from race_docs.pages import ROOT
 
-SOURCE = "agents/training/settings.py"
+SOURCES = "agents/training/*settings.py"
 PRESETS = "agents/training/presets"
 
 
 def settings_page(root: Path = ROOT) -> str:
     """Return the page of all tables and keys of a training's TOML file."""
-    source = (root / SOURCE).read_text(encoding="utf-8")
+    source = "\n".join(path.read_text(encoding="utf-8") for path in sorted(root.glob(SOURCES)))
     comments = _comments_in(source)
     classes = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.ClassDef)}
     tables = _tables_of(classes)

@@ -152,6 +152,7 @@ def test_settings_are_listed_with_default_bounds_and_meaning() -> None:
     page = settings_page()
     assert "## [warm_start]" in page
     assert "## [[curriculum]]" in page
+    assert "## [parking]" in page
     (horizon,) = [line for line in page.splitlines() if line.startswith("| `horizon` |")]
     assert "normalised" in horizon
     assert "| `None` | `float \\| None` |" in horizon
