@@ -68,6 +68,7 @@ def test_straight_before_its_place_a_car_has_only_to_reverse() -> None:
     assert choose(bay(), Towed(3.0, 0.0, 0.0, 0.0, 0.0), BACK)[:2] == (BACK, 0.0)
 
 
+@pytest.mark.slow
 def test_to_turn_round_first_costs_a_change_of_direction() -> None:
     assert cost(3.0, 0.0, gear=AHEAD) > cost(3.0, 0.0) + 2.0
 

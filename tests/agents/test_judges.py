@@ -63,6 +63,7 @@ def laps(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # Curiosity
 
 
+@pytest.mark.slow
 def test_what_is_known_is_worth_less_than_what_is_new() -> None:
     chance = np.random.default_rng(0)
     judge = Curious(Curiosity(bonus=1.0, learning_rate=1e-2), 2, 1, seed=0)

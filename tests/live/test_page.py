@@ -214,6 +214,7 @@ def test_after_a_wrong_token_another_one_can_be_typed(
     page.context.close()
 
 
+@pytest.mark.slow
 def test_a_key_that_is_held_on_the_line_of_time_does_not_end_the_visit(stage: Stage) -> None:
     page = stage.open("replay=")
     sockets: list[object] = []
