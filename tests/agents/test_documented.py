@@ -68,6 +68,7 @@ def test_many_cars_are_told_of_the_end_of_one() -> None:
     assert relabelled.tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_the_example_that_parks_runs_in_our_car_park() -> None:
     plan = reproduction_named("highway-env")
     training = trainings_of(plan, plan.quick)[1]

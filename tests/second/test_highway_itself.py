@@ -52,6 +52,7 @@ def steer(batch: Batch, steering: float, throttle: float = 0.0) -> Any:
     return batch.world.bodies[0]
 
 
+@pytest.mark.slow
 def test_karts_are_where_its_vehicles_are_a_tenth_as_far() -> None:
     batch = road()
     bodies = steer(batch, 0.0)
