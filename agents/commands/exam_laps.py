@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from race_agents.commands.exam_watch import counted
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
-from race_server.terminal import Console, TextColumn
+from race_server.terminal import Console
 
 if TYPE_CHECKING:
     from race_server.competition.lap_exam import CourseTry, LapExamSpec, LapRow
@@ -138,33 +139,13 @@ def _examine(
     spec: "LapExamSpec", drivers: Sequence[str], console: Console, *, quiet: bool
 ) -> "tuple[list[CourseTry], bool]":
     """Return how each driver did on each course, in that order, and whether it was stopped."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
     from race_server.competition.lap_exam import examine
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
-    tries: list[CourseTry] = []
-    stopped = False
-    with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
-    ) as bar:
-
-        def watch(words: str) -> None:
-            bar.update(task, description=words)
-
-        total = len(spec.runs_of(drivers))
-        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
-        try:
-            for one in examine(spec, drivers, editions_of(drivers), watch):
-                tries.append(one)
-                bar.update(task, advance=1)
-        except KeyboardInterrupt:
-            stopped = True
-    order = {
-        (run.driver, run.gap.name, run.track): number
-        for number, run in enumerate(spec.runs_of(drivers))
-    }
+    runs, editions = spec.runs_of(drivers), editions_of(drivers)
+    tries, stopped = counted(
+        len(runs), lambda watch: examine(spec, drivers, editions, watch), console, quiet=quiet
+    )
+    order = {(run.driver, run.gap.name, run.track): number for number, run in enumerate(runs)}
     return sorted(tries, key=lambda one: order[one.driver, one.gap, one.course]), stopped
 
 

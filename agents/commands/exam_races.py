@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_agents.commands.exam_laps import MOST_TOLD, editions_of
+from race_agents.commands.exam_watch import counted
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import MOST_LAPS, Unfit, drivers_for
 from race_server.core.seeds import HELD_OUT
 from race_server.pictures import check_picture
-from race_server.terminal import Console, TextColumn
+from race_server.terminal import Console
 
 if TYPE_CHECKING:
     from race_server.competition.race_exam import RaceOutcome, RaceRow, RaceTask
@@ -126,28 +127,12 @@ def _hold(
     quiet: bool,
 ) -> "tuple[list[RaceOutcome], bool]":
     """Return the races in their order, and whether they were stopped."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
     from race_server.competition.race_exam import hold_races
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
-    outcomes: list[RaceOutcome] = []
-    stopped = False
-    with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
-    ) as bar:
-
-        def watch(words: str) -> None:
-            bar.update(task, description=words)
-
-        task = bar.add_task("getting ready; compiling takes minutes, once", total=len(tasks))
-        try:
-            for outcome in hold_races(tasks, jobs, editions_of(drivers), watch):
-                outcomes.append(outcome)
-                bar.update(task, advance=1)
-        except KeyboardInterrupt:
-            stopped = True
+    editions = editions_of(drivers)
+    outcomes, stopped = counted(
+        len(tasks), lambda watch: hold_races(tasks, jobs, editions, watch), console, quiet=quiet
+    )
     return sorted(outcomes, key=lambda outcome: outcome.task.seed), stopped
 
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_agents.commands.exam_laps import DRIVERS, Drivers, editions_of
+from race_agents.commands.exam_watch import counted
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
 from race_server.cli.options import MOST_LAPS, Unfit, drivers_for, names_in, once
 from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
-from race_server.terminal import Console, TextColumn
+from race_server.terminal import Console
 
 if TYPE_CHECKING:
     from race_server.competition.lap_exam import LapExamSpec
@@ -77,27 +78,15 @@ def _sweep(
     spec: "LapExamSpec", drivers: Sequence[str], console: Console, *, quiet: bool
 ) -> "tuple[list[SweepRow], bool]":
     """Return the rows, and whether it was stopped."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress
-
     from race_server.competition.lap_sweep import SWEEPS, sweep_all
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
-    rows: list[SweepRow] = []
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-        total = len(SWEEPS) * len(drivers)
-        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
-
-        def watch(words: str) -> None:
-            bar.update(task, description=words)
-
-        try:
-            for row in sweep_all(spec, drivers, editions_of(drivers), watch):
-                rows.append(row)
-                bar.update(task, advance=1)
-        except KeyboardInterrupt:
-            return rows, True
-    return rows, False
+    editions = editions_of(drivers)
+    return counted(
+        len(SWEEPS) * len(drivers),
+        lambda watch: sweep_all(spec, drivers, editions, watch),
+        console,
+        quiet=quiet,
+    )
 
 
 def _show(rows: "Sequence[SweepRow]", drivers: Sequence[str]) -> None:

@@ -1,15 +1,49 @@
-"""What exams of the coach show while they run, and the document that they end with."""
+"""What exams show while they run, and the document that those of the coach end with."""
 
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 from rich.text import Text
 
 from race_server.cli.document import print_document
-from race_server.terminal import Console
+from race_server.terminal import Console, TextColumn
 
 Document = dict[str, Any]
+Outcome = TypeVar("Outcome")
+
+
+def counted(
+    total: int,
+    examine: Callable[[Callable[[str], None]], Iterable[Outcome]],
+    console: Console,
+    *,
+    quiet: bool,
+) -> tuple[list[Outcome], bool]:
+    """Return what an exam finished, and whether Ctrl-C stopped it, with a bar that counts.
+
+    examine: is given a function that tells people what goes on now.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    hidden = quiet or not console.is_terminal
+    outcomes: list[Outcome] = []
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
+    ) as bar:
+        task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
+
+        def watch(words: str) -> None:
+            bar.update(task, description=words)
+
+        try:
+            for outcome in examine(watch):
+                outcomes.append(outcome)
+                bar.update(task, advance=1)
+        except KeyboardInterrupt:
+            return outcomes, True
+    return outcomes, False
 
 
 def examined(

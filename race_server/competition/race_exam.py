@@ -159,6 +159,8 @@ def drive_race(task: RaceTask, tell: Tell) -> RaceOutcome:
     """
     tell(SOLVING)
     scenario = _scenario(task, solve=any(needs_line(name) for name in task.drivers))
+    # Kernels are loaded, and networks, before a decision is timed.
+    rehearse(task.drivers, scenario)
     counts: Counter[tuple[int, EventKind]] = Counter()
     told = -math.inf
     lap = 0
