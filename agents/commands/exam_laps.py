@@ -37,6 +37,13 @@ Drivers = Annotated[
         "are made for the vehicle.",
     ),
 ]
+Courses = Annotated[
+    int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
+]
+DrawnFor = Annotated[
+    str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
+]
+Jobs = Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")]
 
 
 @dataclass(frozen=True)
@@ -45,9 +52,7 @@ class LapOptions:
 
     drivers: Drivers = ""
     unfit: Unfit = False
-    courses: Annotated[
-        int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
-    ] = 200
+    courses: Courses = 200
     first_seed: Annotated[
         int,
         typer.Option(
@@ -60,9 +65,7 @@ class LapOptions:
         Path | None,
         typer.Option(help="Drive the course files (.toml) of this folder; none is drawn."),
     ] = None
-    vehicle: Annotated[
-        str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
-    ] = "tt02"
+    vehicle: DrawnFor = "tt02"
     laps: Annotated[
         int, typer.Option(min=1, max=MOST_LAPS, help="Counted laps of each course.")
     ] = 5
@@ -85,7 +88,7 @@ class LapOptions:
     plot: Annotated[
         Path | None, typer.Option(help="Draw clean laps and times into this .png or .svg file.")
     ] = None
-    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
+    jobs: Jobs = 0
     as_json: AsJson = False
 
 
@@ -96,21 +99,18 @@ def laps(options: LapOptions) -> None:
     The ratio is the time of a lap over the limit of its course, which is solved where it is not
     known. Finished courses are kept: an exam that was stopped goes on with the next one.
     """
-    from race_server.competition.lap_exam import LapExamSpec, courses_in, drawn_courses, rows_of
+    from race_server.competition.lap_exam import LapExamSpec, examined_courses, rows_of
     from race_server.competition.time_trial.gaps import NONE, gaps_named
     from race_server.core.vehicle_presets import vehicle_named
 
-    vehicle = vehicle_named(options.vehicle)
     given = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
     drivers = once(given)
     if not drivers:
         raise ScenarioError("--drivers needs a name, or several separated by commas")
     if options.plot is not None:
         check_picture(options.plot)
-    names = (
-        courses_in(options.folder)
-        if options.folder is not None
-        else drawn_courses(options.courses, options.first_seed, vehicle)
+    names = examined_courses(
+        options.folder, options.courses, options.first_seed, vehicle_named(options.vehicle)
     )
     spec = LapExamSpec(
         *(names, options.vehicle, options.laps, options.jobs),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from race_agents.commands.exam_laps import MOST_TOLD, editions_of
+from race_agents.commands.exam_laps import MOST_TOLD, Courses, DrawnFor, Jobs, editions_of
 from race_agents.commands.exam_watch import counted
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.option_fields import expand_options
@@ -39,9 +39,7 @@ class RaceOptions:
     ] = ""
     unfit: Unfit = False
     races: Annotated[int, typer.Option(min=1, help="Races. Each has another grid.")] = 40
-    courses: Annotated[
-        int, typer.Option(min=1, help="Courses to draw, of each kind of generated course in turn.")
-    ] = 20
+    courses: Courses = 20
     first_seed: Annotated[
         int,
         typer.Option(
@@ -54,9 +52,7 @@ class RaceOptions:
         Path | None,
         typer.Option(help="Race on the course files (.toml) of this folder; none is drawn."),
     ] = None
-    vehicle: Annotated[
-        str, typer.Option(help="Vehicle. It decides the scale of the courses that are drawn.")
-    ] = "tt02"
+    vehicle: DrawnFor = "tt02"
     laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps of each race.")] = 5
     items: Annotated[bool, typer.Option(help="Race with items.")] = True
     finish_limit_s: Annotated[
@@ -71,7 +67,7 @@ class RaceOptions:
     plot: Annotated[
         Path | None, typer.Option(help="Draw ratings and finishes into this .png or .svg file.")
     ] = None
-    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one for each core.")] = 0
+    jobs: Jobs = 0
     as_json: AsJson = False
 
 
@@ -82,18 +78,16 @@ def races(options: RaceOptions) -> None:
     Each driver starts once from each place of the grid. Ratings are Plackett-Luce with bounds of
     95 %. Finished races are kept: an exam that was stopped goes on with the next one.
     """
-    from race_server.competition.lap_exam import courses_in, drawn_courses
+    from race_server.competition.lap_exam import examined_courses
     from race_server.competition.race_exam import RaceTask, race_rows, tasks_of
     from race_server.core.vehicle_presets import vehicle_named
 
-    vehicle = vehicle_named(options.vehicle)
     drivers = drivers_for(options.drivers, DRIVERS, (options.vehicle,), unfit=options.unfit)
     if options.plot is not None:
         check_picture(options.plot)
-    courses = (
-        courses_in(options.folder)
-        if options.folder is not None
-        else drawn_courses(options.courses, options.first_seed, vehicle)
+    race_rows([])  # fails before the first race if what rates drivers is not installed
+    courses = examined_courses(
+        options.folder, options.courses, options.first_seed, vehicle_named(options.vehicle)
     )
     like = RaceTask(
         *("", (), 0, options.vehicle, options.laps, options.items, options.finish_limit_s)

@@ -36,6 +36,17 @@ SMALL = ("block", "spline", "circuit")
 LARGE = ("spline:{}:kart", "circuit:{}:kart")
 
 
+def examined_courses(
+    folder: Path | None, count: int, first_seed: int, vehicle: Vehicle
+) -> tuple[str, ...]:
+    """Return the course files of a folder, or the names of generated courses where there is none.
+
+    Raises:
+        TrackError: the folder has no course file.
+    """
+    return courses_in(folder) if folder is not None else drawn_courses(count, first_seed, vehicle)
+
+
 def drawn_courses(count: int, first_seed: int, vehicle: Vehicle) -> tuple[str, ...]:
     """Return the names of generated courses of a vehicle's scale, of each kind in turn."""
     forms = tuple(f"{kind}:{{}}" for kind in SMALL) if vehicle.is_model_car else LARGE

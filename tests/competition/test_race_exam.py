@@ -22,7 +22,7 @@ from race_server.competition.race_exam import (
     tasks_of,
 )
 from race_server.competition.race_picture import draw_ratings
-from race_server.errors import ScenarioError
+from race_server.errors import ResultsError, ScenarioError
 
 TWO = ("raceline", "idm")
 SHORT = RaceTask("oval", TWO, seed=7, laps=1)
@@ -141,3 +141,17 @@ def test_the_command_prints_a_document(tmp_path: Path, monkeypatch: pytest.Monke
     assert {row["starts"] for row in document["rows"]} == {2}
     assert [race["task"]["seed"] for race in document["races"]] == [5, 6]
     assert not document["stopped"]
+
+
+def test_nothing_is_driven_where_what_rates_drivers_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(_: Any) -> list[Any]:
+        raise ResultsError("ratings need openskill")
+
+    driven: list[RaceTask] = []
+    monkeypatch.setattr("race_server.competition.series.ratings", missing)
+    monkeypatch.setattr(race_exam, "hold_races", lambda tasks, *_: driven.extend(tasks))
+    words = ["races", "--drivers", "raceline,idm", "--courses", "1", "--json"]
+    assert isinstance(CliRunner().invoke(app, words).exception, ResultsError)
+    assert not driven
