@@ -48,7 +48,7 @@ test('events of a server that was started anew are told, though they count from 
   race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 800 })] }, 0);
   race.take(snapshot({ tick: 5 }), 20);
   race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 3 })] }, 30);
-  expect(race.events.map(({ tick }) => tick)).toEqual([3]);
+  expect(race.news.events.map(({ tick }) => tick)).toEqual([3]);
 });
 
 test('events are kept where a server takes up its race a few ticks earlier', () => {
@@ -56,7 +56,7 @@ test('events are kept where a server takes up its race a few ticks earlier', () 
   race.take(snapshot({ tick: 900 }), 0);
   race.take({ kind: 'events', epoch: 1, events: [event({ sequence: 1, tick: 800 })] }, 0);
   race.take(snapshot({ tick: 880 }), 20);
-  expect(race.events).toHaveLength(1);
+  expect(race.news.events).toHaveLength(1);
 });
 
 test('a race is over once its standings say so, though the last snapshot was of a race', () => {

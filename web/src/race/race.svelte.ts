@@ -4,10 +4,7 @@
 import type { ByteBuffer } from 'flatbuffers';
 import type { ProgrammeFrame } from '../wire/eventFrames';
 import type {
-  AlertsFrame,
   BriefingFrame,
-  EventFrame,
-  EventsFrame,
   Frame,
   HudFrame,
   KartAlert,
@@ -23,9 +20,10 @@ import { TICKS_PER_SECOND } from './clock';
 import { SnapshotBuffer } from './buffer';
 import { Course } from './course';
 import { InputAges } from './ages';
-import { Ghost, type GhostChoice, chosenGhost } from './ghost';
-import { type ToldAlert, isNews } from './alerts';
+import type { Ghost } from './ghost';
+import { Ghosts } from './ghosts.svelte';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
+import { News } from './news.svelte';
 import { BINS, Pace } from './pace';
 import { OwnKart } from './ownkart';
 import { type Rig, rigOf } from './rig';
@@ -36,8 +34,6 @@ import { Ways } from './ways';
 
 // Interval of updates of text and tables [ms].
 const READ_MS = 250;
-const MOST_EVENTS = 400;
-const MOST_TOLD = 100;
 // Until this long after the lights karts count as before the timing line [ticks].
 const EARLY_TICKS = 5 * TICKS_PER_SECOND;
 // A race that a server resumes starts a few ticks earlier; further back it is another race.
@@ -68,18 +64,16 @@ export class Race {
   rules = $state.raw<RulesFrame | null>(null);
   rig: Rig | null = null; // of vehicles that draw trailers
   standings = $state.raw<StandingsFrame | null>(null);
-  events = $state.raw<readonly EventFrame[]>([]);
   rows = $state.raw<readonly Row[]>([]);
   headline = $state.raw<Headline | null>(null);
   hud = $state.raw<HudFrame | null>(null);
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
   telemetry = $state.raw<ByteBuffer | null>(null); // of real karts, see `telemetry.ts`
-  toldAlerts = $state.raw<readonly ToldAlert[]>([]); // what they said, oldest first
   briefing = $state.raw<BriefingFrame | null>(null);
   programme = $state.raw<ProgrammeFrame | null>(null); // of an event
-  ghosts = $state.raw<readonly Ghost[]>([]);
-  ghostChoice = $state<GhostChoice>('best');
 
+  readonly ghosts = new Ghosts();
+  readonly news = new News();
   readonly buffer: SnapshotBuffer;
   readonly ownKart = new OwnKart();
   readonly trails = new Trails();
@@ -91,11 +85,7 @@ export class Race {
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
   private over = -1; // epoch of the race whose lobby this is
-  private told = -1; // epoch of the events
-  private lastTold = 0; // number of the newest alert: below zero, where events have none
   private readMs = -Infinity;
-  private seen = new Set<number>();
-  private ghostEpoch = $state(-1); // of the race that the ghosts are for
 
   constructor(private readonly isRecording = false) {
     this.buffer = new SnapshotBuffer(isRecording);
@@ -108,7 +98,7 @@ export class Race {
       case 'standings':
         return this.takeStandings(frame);
       case 'events':
-        return this.takeEvents(frame);
+        return this.news.takeEvents(frame);
       case 'course':
         this.course = new Course(frame);
         return this.forget();
@@ -128,7 +118,8 @@ export class Race {
         this.telemetry = frame.buffer;
         return;
       case 'alerts':
-        return this.takeAlerts(frame);
+        this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
+        return this.news.takeAlerts(frame);
       case 'own pose':
       case 'own alert':
         return this.ownKart.take(frame, arrivedMs);
@@ -139,9 +130,7 @@ export class Race {
         this.programme = frame;
         return;
       case 'ghosts':
-        this.ghosts = frame.ghosts.map((ghost) => new Ghost(ghost));
-        this.ghostEpoch = frame.epoch;
-        return;
+        return this.ghosts.take(frame);
       case 'hud':
         this.hud = frame;
         return;
@@ -175,12 +164,12 @@ export class Race {
 
   /** Whether there is a ghost to choose in the race that is on. */
   get hasGhosts(): boolean {
-    return this.ghostEpoch === this.epoch && this.ghosts.length > 0;
+    return this.ghosts.areFor(this.epoch);
   }
 
   /** The ghost of the race that is on, as chosen. */
   get ghost(): Ghost | null {
-    return this.hasGhosts ? chosenGhost(this.ghosts, this.ghostChoice) : null;
+    return this.ghosts.chosenFor(this.epoch);
   }
 
   /** Returns a snapshot with the ghost beside the kart that drives alone. */
@@ -213,7 +202,7 @@ export class Race {
   /** Clears the data of the track, for another race or another place in a recording. */
   forget(): void {
     this.forgetDriving();
-    this.forgetEvents();
+    this.news.forget();
     this.measureReference();
   }
 
@@ -228,7 +217,7 @@ export class Race {
   /** There is no event any more. */
   forgetEvent(): void {
     this.programme = null;
-    this.ghosts = [];
+    this.ghosts.forget();
   }
 
   private forgetDriving(): void {
@@ -243,12 +232,6 @@ export class Race {
     this.telemetry = null;
   }
 
-  private forgetEvents(): void {
-    this.events = [];
-    this.toldAlerts = [];
-    this.seen = new Set();
-  }
-
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {
     if (frame.epoch === this.over) return; // standings may overtake the last snapshots of a race
     const last = this.buffer.newest;
@@ -259,7 +242,7 @@ export class Race {
     }
     // A restarted server counts races and events from one again.
     if (last && frame.epoch === last.epoch && frame.tick < last.tick - BACK_TICKS) {
-      this.forgetEvents();
+      this.news.forget();
     }
     this.buffer.push(frame, arrivedMs);
     this.trails.note(frame);
@@ -317,29 +300,7 @@ export class Race {
     this.epoch = -1;
     this.readMs = -Infinity;
     // Events of the previous race are shown until the next one; not those of another server.
-    if (epoch !== this.told) this.forgetEvents();
-  }
-
-  private takeEvents(frame: EventsFrame): void {
-    if (frame.epoch !== this.told) {
-      this.forgetEvents();
-      this.told = frame.epoch;
-    }
-    const fresh = frame.events.filter((event) => !this.seen.has(event.sequence));
-    if (!fresh.length) return;
-    for (const event of fresh) {
-      this.seen.add(event.sequence);
-    }
-    const all = [...this.events, ...fresh].sort((one, other) => one.sequence - other.sequence);
-    this.events = all.slice(-MOST_EVENTS);
-  }
-
-  private takeAlerts(frame: AlertsFrame): void {
-    const fresh = frame.karts.filter((alert) => isNews(alert, frame.tick, this.toldAlerts));
-    this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
-    if (!fresh.length) return;
-    const told = fresh.map((alert) => ({ tick: frame.tick, number: --this.lastTold, alert }));
-    this.toldAlerts = [...this.toldAlerts, ...told].slice(-MOST_TOLD);
+    this.news.forgetOthers(epoch);
   }
 
   private read(frame: SnapshotFrame, nowMs: number): void {

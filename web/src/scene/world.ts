@@ -99,7 +99,7 @@ export class World {
     this.pickups.update(frame, clock);
     this.crowd.update(frame, race.lot);
     const pulse = race.items.indexOf('pulse') + 1;
-    this.effects.update(frame, race.events, pulse, clock);
+    this.effects.update(frame, race.news.events, pulse, clock);
     this.badges.update(frame, race, shown.within, shown.names);
     if (this.guide) this.guide.mesh.visible = shown.line;
     const start = race.standings?.startTick ?? 0;

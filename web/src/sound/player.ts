@@ -64,10 +64,10 @@ export class SoundPlayer {
   }
 
   private tell(race: Race, seat: number, alerts: readonly Alert[]): void {
-    const newest = race.events.at(-1)?.sequence ?? 0;
+    const newest = race.news.events.at(-1)?.sequence ?? 0;
     // Events before the sound was switched on, and those of a race before, are not told.
     if (this.heard > 0 && newest > this.heard) {
-      for (const event of race.events) {
+      for (const event of race.news.events) {
         if (event.sequence > this.heard) this.play(tonesOfEvent(event, seat));
       }
     }
