@@ -98,7 +98,8 @@ def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventS
     name: of its file, see `file_name`; seats: of the server now.
 
     Raises:
-        ScenarioError: it is of another format, has drivers on more seats, or cannot be read.
+        ScenarioError: it is of another format, has drivers on more seats or titles that are not
+            clear, or cannot be read.
     """
     state = EventFile(spec.folder, name).read()
     if state is None:
@@ -107,6 +108,11 @@ def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventS
         raise ScenarioError(
             f"the event {state.name} is not over and has format {state.format.name}: go on with "
             f"--format {state.format.name}, or begin another one with --fresh"
+        )
+    if len(state.records) < state.plan().drives():
+        # An event of before titles were checked; what was driven in it is found by them.
+        state.format.check_names(
+            f"the event {state.name} cannot go on", "begin another one with --fresh"
         )
     needed = 1 + max(one.seat for one in state.entrants)
     if needed > seats:
