@@ -147,11 +147,15 @@ def _spec_of(stage: TimeTrial) -> RunSpec:
 
 
 def teams_of(drivers: list[str] | tuple[str, ...]) -> tuple[Team, ...]:
-    """Return a team for each driver, named after it; the second of a kind is numbered 2."""
-    seen: dict[str, int] = {}
-    teams = []
+    """Return a team for each driver, named after it; the second of a kind is numbered 2.
+
+    A number that makes the name of another driver is left out.
+    """
+    teams: dict[str, Team] = {}
     for driver in drivers:
-        seen[driver] = seen.get(driver, 0) + 1
-        number = f" {seen[driver]}" if seen[driver] > 1 else ""
-        teams.append(Team(driver + number, driver))
-    return tuple(teams)
+        name, number = driver, 1
+        while name in teams or (number > 1 and name in drivers):
+            number += 1
+            name = f"{driver} {number}"
+        teams[name] = Team(name, driver)
+    return tuple(teams.values())
