@@ -69,6 +69,28 @@ def test_keys_of_another_session_or_too_few_seats_are_refused(keys: Path) -> Non
         issue_keys(Order("cup"), keys)
 
 
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("[]", "the file = []: give a table"),
+        ("{}", "session is missing"),
+        ('{"session": 5}', "session = 5: give a text"),
+        ('{"seats": 8}', "seats is unknown"),
+        ("nothing", "Expecting value"),
+        ("[" * 100_000, "recursion"),
+    ],
+)
+def test_of_a_damaged_file_of_keys_its_fault_is_said(
+    text: str, fault: str, tmp_path: Path
+) -> None:
+    (tmp_path / "keys.json").write_text(text)
+    with pytest.raises(KeysError) as told:
+        read_client_keys(tmp_path)
+    assert fault in str(told.value)
+    assert "__init__" not in str(told.value)
+    assert str(told.value).endswith("or make new keys with `race keys new`")
+
+
 def test_keys_that_expired_or_do_not_belong_together_are_refused(tmp_path: Path) -> None:
     issue_keys(Order("cup", 2), tmp_path / "cup")
     own, other = tmp_path / "cup" / "seat-0", tmp_path / "cup" / "seat-1"
