@@ -138,9 +138,23 @@ def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:
 
 
 def put_away(spec: EventSpec, name: str, log: Log) -> None:
-    """Keep an event that has begun under another name, so that another one begins."""
+    """Keep an event that has begun under another name, so that another one begins.
+
+    Raises:
+        ScenarioError: its file cannot be moved.
+    """
     file = EventFile(spec.folder, name)
-    state = file.read()
-    if state is not None:
-        file.put_away(state)
-        log.warn("an unfinished event does not go on", name=state.name)
+    try:
+        try:
+            state = file.read()
+        except ScenarioError as error:
+            log.warn(f"{error}; it is kept as {file.put_aside()}")
+            return
+        if state is not None:
+            file.put_away(state)
+            log.warn("an unfinished event does not go on", name=state.name)
+    except OSError as error:
+        raise ScenarioError(
+            f"event {file.path} cannot be moved ({error.strerror or error}); name another folder "
+            "with --record"
+        ) from error

@@ -15,6 +15,7 @@ from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import RaceRecord, Team
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
+from race_server.kept_file import free_aside
 from race_server.plain_data import made_of
 from race_server.scenario.race import MOST_KARTS
 from race_server.scenario.track.load import load_course
@@ -127,6 +128,12 @@ class EventFile:
         session = self.path.name.removesuffix(SUFFIX)
         stamp = "".join(c for c in state.begun_at[:19] if c.isalnum())
         self.path.replace(self.path.with_name(f"{session}-{stamp}{SUFFIX}"))
+
+    def put_aside(self) -> Path:
+        """Keep an event that cannot be read under another name, and return it."""
+        aside = free_aside(self.path, "unreadable", SUFFIX)
+        self.path.replace(aside)
+        return aside
 
 
 def read_event(path: Path) -> EventState:

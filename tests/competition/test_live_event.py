@@ -285,6 +285,19 @@ def test_a_race_that_is_not_over_is_part_of_the_event_until_that_is_put_away(
     assert not read_event(path).is_final
 
 
+def test_an_event_that_cannot_be_read_is_put_aside_and_another_one_begins(tmp_path: Path) -> None:
+    spec, path = spec_of(tmp_path), tmp_path / "cup.event.json"
+    for _ in range(2):
+        path.write_text("{}")
+        with pytest.raises(ScenarioError, match="begin another event with --fresh"):
+            unfinished_event(spec, "cup", 2, Log())
+        put_away(spec, "cup", Log())
+        assert unfinished_event(spec, "cup", 2, Log()) is None
+    put_away(spec, "cup", Log())  # where there is none
+    kept = ["cup.unreadable-2.event.json", "cup.unreadable.event.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == kept
+
+
 @pytest.mark.net
 def test_a_driver_on_the_network_stays_to_the_end_and_begins_each_attempt_afresh(
     tmp_path: Path,
