@@ -70,6 +70,47 @@ def test_keys_of_another_session_or_too_few_seats_are_refused(keys: Path) -> Non
 
 
 @pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ("192.168.1.10:7447", "leave the port out, and give it with --port: 192.168.1.10"),
+        ("race.example.org:7447", "leave the port out, and give it with --port: race.example.org"),
+        ("", "give a name or an address, such as"),
+        ("tcp/10.0.0.1", "give a name or an address, such as"),
+        ("192.168.1", "give a name or an address, such as"),
+        ("300.1.1.1", "give a name or an address, such as"),
+        ("a b", "give a name or an address, such as"),
+        ("-a.org", "give a name or an address, such as"),
+        ("a..org", "give a name or an address, such as"),
+        (64 * "a", "give a name or an address, such as"),
+        (5 * f"{60 * 'a'}.", "give a name or an address, such as"),
+        ("[::1]", "give a name or an address, such as"),
+    ],
+)
+def test_what_is_no_host_is_refused_before_a_folder_is_made(
+    host: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(KeysError) as told:
+        issue_keys(Order("cup", 1, hosts=("localhost", host)), tmp_path / "cup")
+    assert str(told.value).startswith(f"--host {host!r}: ")
+    assert said in str(told.value)
+    assert not (tmp_path / "cup").exists()
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("münchen.de", "tls/xn--mnchen-3ya.de:7447"),
+        ("Race-1.local", "tls/Race-1.local:7447"),
+        ("10.0.0.1", "tls/10.0.0.1:7447"),
+        ("fe80::0001", "tls/[fe80::1]:7447"),
+    ],
+)
+def test_a_host_is_written_as_networks_write_it(host: str, address: str, tmp_path: Path) -> None:
+    handed = issue_keys(Order("cup", 1, hosts=(host,)), tmp_path / "cup")
+    assert {keys.address for keys in handed} == {address}
+
+
+@pytest.mark.parametrize(
     ("text", "fault"),
     [
         ("[]", "the file = []: give a table"),
