@@ -39,7 +39,7 @@ def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 
 def free_aside(path: Path, word: str, suffix: str) -> Path:
-    """Return a name that is free for a file put aside: with a word, and a number, before its suffix.
+    """Return a free name for a file that is put aside: with a word and a number before its suffix.
 
     What was put aside before may still be wanted.
     """

@@ -1,6 +1,5 @@
 """Frozen dataclasses out of the plain data of a JSON file, each value checked by its annotation."""
 
-from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -26,17 +25,16 @@ def made_of(kind: type[Made], words: object, name: str = "") -> Made:
     Raises:
         ValueError: a field is missing, unknown, or of another type than it is annotated with.
     """
-    if not isinstance(words, Mapping):
-        raise ValueError(f"{name or 'the file'} = {_short(words)}: give {_KINDS[dict]}")
+    table = _checked(dict, words, name or "the file")
     hints, before = get_type_hints(kind), f"{name}." if name else ""
-    unknown = [key for key in words if key not in hints]
+    unknown = [key for key in table if key not in hints]
     if unknown:
         raise ValueError(f"{before}{_short(unknown[0])[1:-1]} is unknown")
     values = {}
     for field in fields(kind):  # type: ignore[arg-type]
-        if field.name in words:
+        if field.name in table:
             where = before + field.name
-            values[field.name] = _checked(hints[field.name], words[field.name], where)
+            values[field.name] = _checked(hints[field.name], table[field.name], where)
         elif field.default is MISSING and field.default_factory is MISSING:
             raise ValueError(f"{before}{field.name} is missing")
     return kind(**values)
@@ -44,15 +42,15 @@ def made_of(kind: type[Made], words: object, name: str = "") -> Made:
 
 def _checked(hint: Any, value: Any, name: str) -> Any:
     kind = get_origin(hint) or hint
-    if is_dataclass(kind) and not isinstance(value, kind):  # type: ignore[arg-type]
+    if isinstance(kind, type) and is_dataclass(kind) and not isinstance(value, kind):
         return made_of(kind, value, name)
     if not _is_of(kind, value):
         raise ValueError(f"{name} = {_short(value)}: give {_KINDS.get(kind, kind.__name__)}")
     if kind is tuple:
         inner = get_args(hint)[0]
         return tuple(_checked(inner, one, f"{name}[{n}]") for n, one in enumerate(value))
-    if kind is dict:
-        inner = get_args(hint)[1]
+    if kind is dict and (inners := get_args(hint)):
+        inner = inners[1]
         return {key: _checked(inner, one, f"{name}.{key}") for key, one in value.items()}
     return value
 

@@ -9,10 +9,11 @@ import unicodedata
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 
 
-# Letters that Unicode lets a font leave out and `str.isprintable` takes, and the empty braille cell.
+# What a font may leave out by Unicode, though `str.isprintable` takes it; the empty braille cell.
 _HIDDEN = frozenset(
     (
-        *("\u034f", "\u115f", "\u1160", "\u17b4", "\u17b5", "\u180f", "\u2800", "\u3164", "\uffa0"),
+        *("\u034f", "\u115f", "\u1160", "\u17b4", "\u17b5", "\u180f"),
+        *("\u2800", "\u3164", "\uffa0"),
         *map(chr, (*range(0x180B, 0x180E), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0))),
     )
 )

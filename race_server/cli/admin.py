@@ -23,7 +23,9 @@ app = typer.Typer(
 
 # A message has 16 bits for the number of a protest.
 MOST_PROTESTS = 65_535
-SeatNumber = Annotated[int, typer.Argument(min=0, max=LAST_SEAT, help="Number of the seat, from 0.")]
+SeatNumber = Annotated[
+    int, typer.Argument(min=0, max=LAST_SEAT, help="Number of the seat, from 0.")
+]
 
 
 @app.command()

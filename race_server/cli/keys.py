@@ -25,7 +25,9 @@ def new(
     spectators: Annotated[
         int,
         typer.Option(
-            min=0, max=MOST_SPECTATORS, help="Spectators that may watch at once; all share one set of keys."
+            min=0,
+            max=MOST_SPECTATORS,
+            help="Spectators that may watch at once; all share one set of keys.",
         ),
     ] = 8,
     host: Annotated[

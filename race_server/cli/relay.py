@@ -91,7 +91,7 @@ def _seats(option: str, words: str) -> tuple[int, ...]:
                 "with commas, such as 2,3"
             )
     numbers = tuple(map(int, seats))
-    for seat in numbers:
-        if numbers.count(seat) > 1:
-            raise ScenarioError(f"{option} {words!r}: seat {seat} is there twice; name it once")
+    for number in numbers:
+        if numbers.count(number) > 1:
+            raise ScenarioError(f"{option} {words!r}: seat {number} is there twice; name it once")
     return numbers

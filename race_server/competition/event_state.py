@@ -154,9 +154,7 @@ def read_event(path: Path) -> EventState:
             )
         form = words.pop("format")
         name = form.pop("name")
-        state = made_of(EventState, words | {"format": format_of(name, form, str(path))})
-        _check(state)
-        return state
+        return _checked(made_of(EventState, words | {"format": format_of(name, form, str(path))}))
     except OSError as error:
         raise ScenarioError(f"event {path} cannot be read: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -178,8 +176,8 @@ def _finite(digits: str) -> float:
     return value
 
 
-def _check(state: EventState) -> None:
-    """Check what the parts of an event say of one another.
+def _checked(state: EventState) -> EventState:
+    """Return an event once it is checked what its parts say of one another.
 
     Raises:
         ValueError: they do not fit together.
@@ -208,3 +206,4 @@ def _check(state: EventState) -> None:
     for protest in state.protests:
         if protest.against not in teams or not 0 <= protest.drive < len(state.records):
             raise ValueError(f"protest {protest.number} is about no result of the event")
+    return state

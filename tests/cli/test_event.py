@@ -96,7 +96,7 @@ def test_a_file_with_two_teams_of_one_name_is_damaged(tmp_path: Path) -> None:
     words = json.loads(path.read_text())
     words["entrants"] *= 2
     path.write_text(json.dumps(words))
-    with pytest.raises(ScenarioError, match="is damaged .*two entrants have the team 'Anna'"):
+    with pytest.raises(ScenarioError, match=r"is damaged .*two entrants have the team 'Anna'"):
         shown(tmp_path, "show")
 
 

@@ -178,7 +178,10 @@ def test_a_race_is_on_a_course_or_in_a_car_park(command: str) -> None:
         ("start --mixed 1 --pedestrian inf", "less than or equal to 86400"),
         ("serve --wait-for -7", "greater than or equal to -1"),
         ("serve --wait-for 65", "less than or equal to 64"),
-        ("start --races 2 --seed 9223372036854775807", "the last of 2 seeds is 9223372036854775808"),
+        (
+            "start --races 2 --seed 9223372036854775807",
+            "the last of 2 seeds is 9223372036854775808",
+        ),
         ("drive idm --patience nan", "less than or equal to 86400"),
         ("drive idm --patience -1", "greater than or equal to 0"),
         ("drive idm --seat 99999", "less than or equal to 63"),
@@ -233,9 +236,13 @@ def test_an_event_at_the_limits_of_its_options_is_read_again(tmp_path: Path) -> 
     from race_server.competition.race_day.formats.reader import MOST_S, format_of, words_of
 
     options = ServeOptions(
-        *("oval",),
-        **{"format": "time-trial", "laps": 1000, "attempts": 100, "attempt_limit": MOST_S},
-        **{"seed": MOST_SEED - 99, "record": str(tmp_path)},
+        track="oval",
+        format="time-trial",
+        laps=1000,
+        attempts=100,
+        attempt_limit=MOST_S,
+        seed=MOST_SEED - 99,
+        record=str(tmp_path),
     )
     form = event_of(options, needs_line=False)[0].format
     assert format_of(form.name, words_of(form), "there") == form
@@ -253,8 +260,8 @@ def test_races_of_one_driver_have_no_ratings_and_it_is_said(
     told = CliRunner().invoke(app, words.split(), env={"COLUMNS": "200"})
     assert told.exit_code == 0
     assert told.stdout.splitlines() == [
-        "ratings need two different drivers, and all seats have idm: name another one in --drivers, "
-        "or give more seats with --karts",
+        "ratings need two different drivers, and all seats have idm: name another one in "
+        "--drivers, or give more seats with --karts",
         "race 1 of 2, seed 1: won by idm",
         "race 2 of 2, seed 2: won by idm",
     ]

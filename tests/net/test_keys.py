@@ -121,9 +121,7 @@ def test_a_host_is_written_as_networks_write_it(host: str, address: str, tmp_pat
         ("[" * 100_000, "recursion"),
     ],
 )
-def test_of_a_damaged_file_of_keys_its_fault_is_said(
-    text: str, fault: str, tmp_path: Path
-) -> None:
+def test_of_a_damaged_file_of_keys_its_fault_is_said(text: str, fault: str, tmp_path: Path) -> None:
     (tmp_path / "keys.json").write_text(text)
     with pytest.raises(KeysError) as told:
         read_client_keys(tmp_path)
@@ -141,6 +139,9 @@ def test_keys_that_expired_or_do_not_belong_together_are_refused(tmp_path: Path)
     about = json.loads((other / "keys.json").read_text()) | {"expires": "2001-01-01T00:00:00+00:00"}
     (other / "keys.json").write_text(json.dumps(about))
     with pytest.raises(KeysError, match="expired on 2001-01-01"):
+        read_client_keys(other)
+    (other / "keys.json").write_text(json.dumps(about | {"expires": "2001-01-01T00:00:00"}))
+    with pytest.raises(KeysError, match="expired on 2001-01-01 00:00 UTC"):
         read_client_keys(other)
     (other / "keys.json").write_text("[]")
     with pytest.raises(KeysError, match="damaged"):

@@ -185,7 +185,17 @@ def test_a_name_has_32_characters_however_many_bytes_they_take(letter: str) -> N
     "name",
     [
         *("", "\x1b[2J", "a\nb", "\x9b", "\u202ea", "\u2066a", "\x00", "a\u2028"),
-        *(" ", "Anna ", " Anna", "\u3164", "\u2800", "Anna\u034f", "\ufe0f", "\U000e0100", "\u0301"),
+        *(
+            " ",
+            "Anna ",
+            " Anna",
+            "\u3164",
+            "\u2800",
+            "Anna\u034f",
+            "\ufe0f",
+            "\U000e0100",
+            "\u0301",
+        ),
     ],
 )
 def test_a_name_that_cannot_be_seen_is_refused(name: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from race_server.errors import GatewayError
 from race_server.net.wire.strict import MOST_NAME
+from race_server.printable import fault_of_name
 
 SUBPROTOCOL = "race.1"
 LIVE, RECORDING = "live", "recording:"

@@ -163,9 +163,9 @@ def _read(folder: Path, kind: type[Held]) -> Held:
     try:
         row: Any = json.loads(path.read_text())
         held = made_of(kind, {**row, "folder": folder.resolve()} if isinstance(row, dict) else row)
+        # UTC where no zone is named.
         expires = datetime.fromisoformat(held.expires)
-        if expires.tzinfo is None:
-            raise ValueError(f"expires = {held.expires!r} has no time zone")
+        expires = expires if expires.tzinfo else expires.replace(tzinfo=UTC)
     except OSError as error:
         raise KeysError(f"{path}: cannot be read ({error.strerror}); {_way_out(folder)}") from error
     except (ValueError, RecursionError) as error:
