@@ -5,6 +5,7 @@
 It needs Python's own library and nothing of the race server.
 """
 
+import http.client
 import json
 import signal
 import sys
@@ -67,8 +68,15 @@ def main() -> None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end quietly with the reader of a pipe
     address = sys.argv[1] if len(sys.argv) > 1 else "http://127.0.0.1:8080"
     token = sys.argv[2] if len(sys.argv) > 2 else ""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # and with Ctrl-C
     while True:
-        table = ask(address, token)
+        try:
+            table = ask(address, token)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            sys.exit(
+                f"error: {address}: no timing ({printable(str(error))}); give the address of a "
+                "gateway, such as http://127.0.0.1:8080, and its token if it asks for one"
+            )
         if table is None:
             print("no race yet")
         else:

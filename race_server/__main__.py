@@ -1,5 +1,5 @@
 """``python -m race_server`` is ``race``."""
 
-from race_server.cli.main import main
+from race_server.cli.entry import main
 
 main()

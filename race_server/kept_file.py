@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import itertools
 import os
 import tempfile
 from collections.abc import Callable, Mapping
@@ -35,6 +36,16 @@ def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
             write(file)
         Path(file.name).replace(path)
+
+
+def free_aside(path: Path, word: str, suffix: str) -> Path:
+    """Return a free name for a file that is put aside: with a word and a number before its suffix.
+
+    What was put aside before may still be wanted.
+    """
+    stem = path.name.removesuffix(suffix)
+    numbered = (f"{stem}.{word}{f'-{n}' * (n > 1)}{suffix}" for n in itertools.count(1))
+    return next(free for free in map(path.with_name, numbered) if not free.exists())
 
 
 def write_together(files: Mapping[Path, bytes]) -> None:

@@ -66,3 +66,11 @@ def test_the_container_runs_as_an_ordinary_user_and_asks_for_its_health() -> Non
     assert "healthz" in last
     for copied in re.findall(r"^COPY (?!--)(.+) \S+$", text, re.MULTILINE):
         assert all((ROOT / each).exists() for each in copied.split()), copied
+
+
+def test_the_container_is_built_from_all_that_the_wheel_holds() -> None:
+    text = (DEPLOY / "Containerfile").read_text()
+    copied = set(re.findall(r"^COPY (?!--)(\S+) \S+$", text, re.MULTILINE))
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    wheel = build["targets"]["wheel"]
+    assert {"lots", "agents"} <= {*wheel["force-include"], *wheel["packages"]} <= copied

@@ -174,6 +174,18 @@ def test_numbers_in_a_table_for_spreadsheets_stay_numbers(tmp_path: Path) -> Non
     assert (tmp_path / "t.csv").read_text() == "lost_s,laps,name\n-0.5,1 -2,ann\n"
 
 
+def test_tables_with_text_in_them_are_written_in_one_place() -> None:
+    files = [*ROOT.glob("race_server/**/*.py"), *ROOT.glob("agents/**/*.py")]
+    writers = {file.name for file in files if {"csv.writer", "csv.DictWriter"} & calls_in(file)}
+    # The trace of a lap and the curve of a training are numbers.
+    assert writers == {"csv_table.py", "ghost.py", "curve.py"}
+
+
+def calls_in(file: Path) -> set[str]:
+    nodes = ast.walk(ast.parse(file.read_text()))
+    return {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
+
+
 @pytest.mark.parametrize("name", ["$\\frac{$", "$x$", "100 $", "\x1b[2J", "<b>&--></b>", "a\nb"])
 def test_a_picture_shows_a_name_as_it_is(tmp_path: Path, name: str) -> None:
     figure = pytest.importorskip("matplotlib.figure").Figure()

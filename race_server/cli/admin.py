@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
+from race_server.cli.options import LAST_SEAT
 from race_server.errors import KeysError, SeatError
 from race_server.terminal import say
 
@@ -20,7 +21,11 @@ app = typer.Typer(
     no_args_is_help=True,
 )
 
-SeatNumber = Annotated[int, typer.Argument(min=0, help="Number of the seat, from 0.")]
+# A message has 16 bits for the number of a protest.
+MOST_PROTESTS = 65_535
+SeatNumber = Annotated[
+    int, typer.Argument(min=0, max=LAST_SEAT, help="Number of the seat, from 0.")
+]
 
 
 @app.command()
@@ -64,8 +69,12 @@ def penalty(
 
 @app.command()
 def protest(
-    seat: Annotated[int, typer.Argument(min=0, help="Seat of the team that protests.")],
-    against: Annotated[int, typer.Option(min=0, help="Seat of the team that it is against.")],
+    seat: Annotated[
+        int, typer.Argument(min=0, max=LAST_SEAT, help="Seat of the team that protests.")
+    ],
+    against: Annotated[
+        int, typer.Option(min=0, max=LAST_SEAT, help="Seat of the team that it is against.")
+    ],
     why: Annotated[str, typer.Option(help="The reason, at most 120 characters.")],
     keys: KeysFolder = None,
     connect: Connect = "",
@@ -77,7 +86,7 @@ def protest(
 
 @app.command()
 def uphold(
-    number: Annotated[int, typer.Argument(min=1, help="Number of the protest.")],
+    number: Annotated[int, typer.Argument(min=1, max=MOST_PROTESTS, help="Number of the protest.")],
     seconds: Annotated[float, typer.Option(help="Seconds to add to the time.")] = 5.0,
     disqualify: Annotated[
         bool, typer.Option("--disqualify", help="Take the result away instead.")
@@ -95,7 +104,7 @@ def uphold(
 
 @app.command()
 def dismiss(
-    number: Annotated[int, typer.Argument(min=1, help="Number of the protest.")],
+    number: Annotated[int, typer.Argument(min=1, max=MOST_PROTESTS, help="Number of the protest.")],
     keys: KeysFolder = None,
     connect: Connect = "",
     session: SessionName = "",
@@ -164,7 +173,10 @@ def open_seat(
 @app.command()
 def park(
     seat: Annotated[
-        int, typer.Argument(min=-1, help="Number of the seat; without one, all that drive.")
+        int,
+        typer.Argument(
+            min=-1, max=LAST_SEAT, help="Number of the seat; without one, all that drive."
+        ),
     ] = -1,
     slot: Annotated[
         int, typer.Option(min=-1, help="Number of the slot; -1: the one that the vehicle has.")

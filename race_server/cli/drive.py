@@ -13,6 +13,7 @@ from rich.text import Text
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import LAST_SEAT, MOST_S
 from race_server.errors import RaceError
 from race_server.terminal import Console, say
 
@@ -28,10 +29,17 @@ def drive(
     connect: Connect = "",
     session: SessionName = "",
     seat: Annotated[
-        int, typer.Option(help="Number of the seat to take; -1: any, or the one in the keys.")
+        int,
+        typer.Option(
+            min=-1,
+            max=LAST_SEAT,
+            help="Number of the seat to take; -1: any, or the one in the keys.",
+        ),
     ] = -1,
     keys: KeysFolder = None,
-    patience: Annotated[float, typer.Option(help="Seconds to wait for the server.")] = 20.0,
+    patience: Annotated[
+        float, typer.Option(min=0.0, max=MOST_S, help="Seconds to wait for the server.")
+    ] = 20.0,
     raw: Annotated[
         bool, typer.Option("--raw", help="Do not compensate for network latency.")
     ] = False,
@@ -85,7 +93,11 @@ def watch(
     keys: KeysFolder = None,
     foxglove: Annotated[
         int | None,
-        typer.Option(help="Serve the race to Foxglove on this port; 0: any free port."),
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Serve the race to Foxglove on this port; 0: any free port.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -7,6 +7,10 @@ import typer
 
 from race_server.terminal import Console, say
 
+# A hundred years: a certificate has no year after 9999.
+MOST_DAYS = 36_500.0
+MOST_SPECTATORS = 10_000
+
 app = typer.Typer(
     help="Make and check keys for a session that other machines may join.", no_args_is_help=True
 )
@@ -20,7 +24,11 @@ def new(
     ] = 8,
     spectators: Annotated[
         int,
-        typer.Option(min=0, help="Spectators that may watch at once; all share one set of keys."),
+        typer.Option(
+            min=0,
+            max=MOST_SPECTATORS,
+            help="Spectators that may watch at once; all share one set of keys.",
+        ),
     ] = 8,
     host: Annotated[
         list[str] | None,
@@ -32,7 +40,9 @@ def new(
     port: Annotated[
         int, typer.Option(min=1, max=65535, help="Port on which the server listens.")
     ] = 7447,
-    days: Annotated[float, typer.Option(min=0.01, help="Days until the keys expire.")] = 7.0,
+    days: Annotated[
+        float, typer.Option(min=0.01, max=MOST_DAYS, help="Days until the keys expire.")
+    ] = 7.0,
     folder: Annotated[
         Path | None, typer.Option(help="New folder for the keys. Default: keys-SESSION.")
     ] = None,

@@ -11,6 +11,10 @@ from race_server.errors import ScenarioError
 
 # More would be days of driving, or no number that a world keeps.
 MOST_LAPS = 100_000
+# A day: as long as a stage of a format may take. A clock overflows at numbers beyond reason [s].
+MOST_S = 86_400.0
+# The last seat of a session.
+LAST_SEAT = 63
 
 Track = Annotated[
     str,
@@ -68,15 +72,17 @@ def once(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def seeds_from(first: int, count: int) -> range:
+def seeds_from(first: int, count: int, option: str = "--first-seed") -> range:
     """Return the seeds of `count` tasks, that of the first and those that count up from it.
+
+    option: gives the first one, in the error.
 
     Raises:
         ScenarioError: the last one is larger than a seed can be.
     """
     if first + count - 1 > MOST_SEED:
         raise ScenarioError(
-            f"--first-seed {first}: the last of {count} seeds is {first + count - 1}, and a seed "
+            f"{option} {first}: the last of {count} seeds is {first + count - 1}, and a seed "
             f"may be {MOST_SEED}; choose a smaller one"
         )
     return range(first, first + count)

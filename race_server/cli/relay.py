@@ -7,6 +7,7 @@ import typer
 
 from race_server.cli.access import SESSION
 from race_server.cli.document import AsJson, print_document
+from race_server.cli.options import LAST_SEAT, MOST_S, names_in
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 from race_server.terminal import Console
@@ -40,7 +41,9 @@ def relay(
         ),
     ] = None,
     there_keys: Annotated[Path | None, typer.Option(help="The same for the second server.")] = None,
-    patience: Annotated[float, typer.Option(help="Seconds to wait for both servers.")] = 60.0,
+    patience: Annotated[
+        float, typer.Option(min=0.0, max=MOST_S, help="Seconds to wait for both servers.")
+    ] = 60.0,
     as_json: AsJson = False,
 ) -> None:
     """Let karts of two sites race against each other for one race.
@@ -53,8 +56,8 @@ def relay(
 
     if not there:
         raise ScenarioError("--there is missing: give the address of the second server")
-    first = Site(here, session, _seats(bring), keys)
-    second = Site(there, there_session, _seats(send), there_keys)
+    first = Site(here, session, _seats("--bring", bring), keys)
+    second = Site(there, there_session, _seats("--send", send), there_keys)
     console = Console(stderr=True)
     document = relay_race(
         first,
@@ -74,8 +77,21 @@ def relay(
             )
 
 
-def _seats(words: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(word) for word in words.split(",") if word.strip())
-    except ValueError as error:
-        raise ScenarioError(f"seats {words!r}: write numbers with commas, such as 2,3") from error
+def _seats(option: str, words: str) -> tuple[int, ...]:
+    """Return the seats of a comma-separated list.
+
+    Raises:
+        ScenarioError: one is no number of a seat, or stands there twice.
+    """
+    seats = names_in(words)
+    for seat in seats:
+        if not seat.isdecimal() or not seat.isascii() or len(seat) > 3 or int(seat) > LAST_SEAT:
+            raise ScenarioError(
+                f"{option} {words!r}: {seat!r} is no seat; write numbers from 0 to {LAST_SEAT} "
+                "with commas, such as 2,3"
+            )
+    numbers = tuple(map(int, seats))
+    for number in numbers:
+        if numbers.count(number) > 1:
+            raise ScenarioError(f"{option} {words!r}: seat {number} is there twice; name it once")
+    return numbers

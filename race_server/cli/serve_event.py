@@ -65,9 +65,10 @@ def _adapted(form: "Format", options: ServeOptions) -> "Format":
     """Return a format with what the options say of its time trials by laps.
 
     Raises:
-        ScenarioError: it has none, and they say something.
+        ScenarioError: it has none, and they say something, or more than a format may.
     """
     from race_server.competition.race_day.formats import LAP, TimeTrial
+    from race_server.competition.race_day.formats.reader import MOST_LAPS
     from race_server.competition.time_trial.run_spec import STARTS
 
     if options.start not in {"", *STARTS}:
@@ -79,6 +80,15 @@ def _adapted(form: "Format", options: ServeOptions) -> "Format":
             f"counts; format {form.name} has none, change them in a .toml file of yours"
         )
     is_own = options.format.endswith(".toml")  # it says how many laps
+    if by_lap and not is_own and options.laps > MOST_LAPS:
+        raise ScenarioError(
+            f"--laps {options.laps}: an attempt has {MOST_LAPS} laps at most; choose fewer"
+        )
+    if 0.0 < options.attempt_limit < 1.0:
+        raise ScenarioError(
+            f"--attempt-limit {options.attempt_limit:g}: give 1 second or more, or 0 for as many "
+            "as the format says"
+        )
     stages = tuple(
         replace(
             stage,

@@ -6,13 +6,16 @@ from typing import Annotated, Literal
 
 import typer
 
-from race_server.cli.options import MOST_LAPS, Results, Track
+from race_server.cli.options import LAST_SEAT, MOST_LAPS, MOST_S, Results, Track
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 
 # Encrypted, to all networks of this machine.
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
+
+# Of a driver in a time trial, as a format may say.
+MOST_ATTEMPTS = 100
 
 Switch = Literal["on", "off"]
 # As in `live/server`, which imports the compiler.
@@ -41,7 +44,9 @@ class RaceOptions:
     ] = ""
     limit: Annotated[
         float,
-        typer.Option(min=0.0, help="With --lot: seconds to park in; 0: as the car park says."),
+        typer.Option(
+            min=0.0, max=MOST_S, help="With --lot: seconds to park in; 0: as the car park says."
+        ),
     ] = 0.0
     vehicle: Annotated[
         str,
@@ -67,7 +72,9 @@ class RaceOptions:
     attempts: Annotated[
         int,
         typer.Option(
-            min=0, help="With --format time-trial: attempts of each driver; 0: as it says."
+            min=0,
+            max=MOST_ATTEMPTS,
+            help="With --format time-trial: attempts of each driver; 0: as it says.",
         ),
     ] = 0
     start: Annotated[
@@ -80,13 +87,16 @@ class RaceOptions:
     attempt_limit: Annotated[
         float,
         typer.Option(
-            min=0.0, help="With --format time-trial: seconds for an attempt; 0: as it says."
+            min=0.0,
+            max=MOST_S,
+            help="With --format time-trial: seconds for an attempt, 1 or more; 0: as it says.",
         ),
     ] = 0.0
     cool_down: Annotated[
         float,
         typer.Option(
             min=0.0,
+            max=MOST_S,
             help="With --format: seconds after an attempt or race before the next one begins.",
         ),
     ] = 0.0
@@ -94,10 +104,11 @@ class RaceOptions:
         float,
         typer.Option(
             min=0.0,
+            max=MOST_S,
             help="With --format: seconds to get ready; a driver that is not there does not start.",
         ),
     ] = 60.0
-    karts: Annotated[int, typer.Option(min=1, max=64, help="Number of seats.")] = 8
+    karts: Annotated[int, typer.Option(min=1, max=LAST_SEAT + 1, help="Number of seats.")] = 8
     laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps to the finish.")] = 3
     seed: Annotated[
         int, typer.Option(max=MOST_SEED, help="Seed of every random draw in the race.")
@@ -161,13 +172,17 @@ class ServeOptions(RaceOptions):
     wait_for: Annotated[
         int,
         typer.Option(
-            help="Start once this many drivers are ready; -1: all seats, or 1 with --fill."
+            min=-1,
+            max=LAST_SEAT + 1,
+            help="Start once this many drivers are ready; -1: all seats, or 1 with --fill.",
         ),
     ] = -1
     finish_limit: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Seconds that others have to finish after the winner; 0: no limit."
+            min=0.0,
+            max=MOST_S,
+            help="Seconds that others have to finish after the winner; 0: no limit.",
         ),
     ] = 100.0
     valet: Annotated[
@@ -179,6 +194,7 @@ class ServeOptions(RaceOptions):
         float,
         typer.Option(
             min=0.0,
+            max=MOST_S,
             help="With --once: seconds after the race in which stewards may still add penalties; "
             "with --format after each stage, and each round of races.",
         ),

@@ -9,7 +9,7 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.event import newest_event, show_event
 from race_server.cli.option_fields import argv_of, expand_options
-from race_server.cli.options import Unfit, drivers_for, known_drivers
+from race_server.cli.options import MOST_S, Unfit, drivers_for, known_drivers, seeds_from
 from race_server.cli.outcome import show_result
 from race_server.cli.serve_options import VALET, RaceOptions, ServeOptions, check_pace
 from race_server.errors import ScenarioError
@@ -47,6 +47,7 @@ class StartOptions(RaceOptions):
         float | None,
         typer.Option(
             min=0.0,
+            max=MOST_S,
             help="Time at which a person steps in front of the first real kart [s]. Default: none.",
         ),
     ] = None
@@ -174,6 +175,16 @@ def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> No
     from race_server.competition.series import rating_table, run_series
 
     races, seed = options.races, options.seed
+    seeds_from(seed, races, "--seed")
+    is_rated = len(set(spec.drivers)) > 1
+    if not is_rated:
+        (driver,) = set(spec.drivers)
+        console.print(
+            f"ratings need two different drivers, and all seats have {driver}: name another one "
+            "in --drivers, or give more seats with --karts",
+            style="yellow",
+            soft_wrap=True,
+        )
 
     def run(one: "RaceSpec", number: int) -> dict[str, Any]:
         document = run_race(one, console)
@@ -187,7 +198,7 @@ def _run_series(spec: "RaceSpec", options: StartOptions, console: Console) -> No
     found = run_series(spec, races, seed, run)
     if options.as_json:
         print_document(found)
-    else:
+    elif is_rated:
         console.print(rating_table(found["ratings"], len(found["races"])))
     if found["stopped"]:
         sys.exit(130)

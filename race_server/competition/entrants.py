@@ -12,7 +12,9 @@ from pathlib import Path
 
 from race_server.errors import ScenarioError
 from race_server.net.wire.strict import MOST_NAME
+from race_server.printable import fault_of_name
 from race_server.scenario.text_files import read_text
+from race_server.storage.csv_table import csv_text, text_in
 from race_server.storage.whole_file import write_whole
 from race_server.user_data import user_data
 
@@ -74,7 +76,7 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     seen: dict[str, int] = {}
     waiting = []
     for line, row in enumerate(rows, start=2):
-        name, digits = (row["name"] or "").strip(), (row["number"] or "").strip()
+        name, digits = text_in((row["name"] or "").strip()), (row["number"] or "").strip()
         fault = _fault(name, digits, entrants, seen)
         if fault:
             faults.append(f"row {line}: {fault}")
@@ -95,8 +97,10 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
 
 def _fault(name: str, digits: str, entrants: dict[str, int], seen: dict[str, int]) -> str:
     """Return what is wrong with a row, "" for nothing."""
-    if not name or len(name) > MOST_NAME or not name.isprintable():
-        return f"name {name[:MOST_NAME]!r}: give 1 to {MOST_NAME} printable characters"
+    wrong = fault_of_name(name) if name else ""
+    if wrong or not 0 < len(name) <= MOST_NAME:
+        has = f" has {wrong}" if wrong else ""
+        return f"name {name[:MOST_NAME]!r}{has}: give 1 to {MOST_NAME} printable characters"
     if name in seen:
         return f"name {name!r} stands in row {seen[name]} already; take one of the two out"
     if not digits:
@@ -120,13 +124,11 @@ def write_entrants(path: Path, entrants: dict[str, int]) -> None:
     Raises:
         ScenarioError: the file cannot be written.
     """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
-    table.writerows(sorted((number, name) for name, number in entrants.items()))
+    held = sorted((number, name) for name, number in entrants.items())
+    text = csv_text([dict(zip(COLUMNS, row, strict=True)) for row in held], COLUMNS)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, text.getvalue())
+        write_whole(path, text)
     except OSError as error:
         raise ScenarioError(
             f"entrants cannot be written to {path} ({error.strerror or error}); name another file "

@@ -98,7 +98,8 @@ def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventS
     name: of its file, see `file_name`; seats: of the server now.
 
     Raises:
-        ScenarioError: it is of another format, has drivers on more seats, or cannot be read.
+        ScenarioError: it is of another format, has drivers on more seats or titles that are not
+            clear, or cannot be read.
     """
     state = EventFile(spec.folder, name).read()
     if state is None:
@@ -107,6 +108,11 @@ def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventS
         raise ScenarioError(
             f"the event {state.name} is not over and has format {state.format.name}: go on with "
             f"--format {state.format.name}, or begin another one with --fresh"
+        )
+    if len(state.records) < state.plan().drives():
+        # An event of before titles were checked; what was driven in it is found by them.
+        state.format.check_names(
+            f"the event {state.name} cannot go on", "begin another one with --fresh"
         )
     needed = 1 + max(one.seat for one in state.entrants)
     if needed > seats:
@@ -132,9 +138,23 @@ def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:
 
 
 def put_away(spec: EventSpec, name: str, log: Log) -> None:
-    """Keep an event that has begun under another name, so that another one begins."""
+    """Keep an event that has begun under another name, so that another one begins.
+
+    Raises:
+        ScenarioError: its file cannot be moved.
+    """
     file = EventFile(spec.folder, name)
-    state = file.read()
-    if state is not None:
-        file.put_away(state)
-        log.warn("an unfinished event does not go on", name=state.name)
+    try:
+        try:
+            state = file.read()
+        except ScenarioError as error:
+            log.warn(f"{error}; it is kept as {file.put_aside()}")
+            return
+        if state is not None:
+            file.put_away(state)
+            log.warn("an unfinished event does not go on", name=state.name)
+    except OSError as error:
+        raise ScenarioError(
+            f"event {file.path} cannot be moved ({error.strerror or error}); name another folder "
+            "with --record"
+        ) from error

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,12 @@ from race_server.competition.race_day.formats import Format
 from race_server.competition.race_day.formats.reader import format_of, words_of
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.protest import Protest
-from race_server.competition.race_day.record import DeletedLap, RaceRecord, Team, TeamResult
+from race_server.competition.race_day.record import RaceRecord, Team
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
+from race_server.kept_file import free_aside
+from race_server.plain_data import made_of
+from race_server.scenario.race import MOST_KARTS
 from race_server.scenario.track.load import load_course
 from race_server.storage.whole_file import write_whole
 
@@ -125,6 +129,12 @@ class EventFile:
         stamp = "".join(c for c in state.begun_at[:19] if c.isalnum())
         self.path.replace(self.path.with_name(f"{session}-{stamp}{SUFFIX}"))
 
+    def put_aside(self) -> Path:
+        """Keep an event that cannot be read under another name, and return it."""
+        aside = free_aside(self.path, "unreadable", SUFFIX)
+        self.path.replace(aside)
+        return aside
+
 
 def read_event(path: Path) -> EventState:
     """Return the event in a file.
@@ -144,17 +154,7 @@ def read_event(path: Path) -> EventState:
             )
         form = words.pop("format")
         name = form.pop("name")
-        teams = {one["team"] for one in words["entrants"]}
-        return EventState(
-            **words
-            | {
-                "begun_at": _text(words["begun_at"]),
-                "format": format_of(name, form, str(path)),
-                "entrants": tuple(Entrant(**one) for one in words["entrants"]),
-                "records": tuple(_record(one, teams) for one in words["records"]),
-                "protests": tuple(Protest(**one) for one in words.get("protests", ())),
-            }
-        )
+        return _checked(made_of(EventState, words | {"format": format_of(name, form, str(path))}))
     except OSError as error:
         raise ScenarioError(f"event {path} cannot be read: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
@@ -162,17 +162,6 @@ def read_event(path: Path) -> EventState:
             f"event {path} is damaged ({type(error).__name__}: {error}); move it away, or begin "
             "another event with --fresh"
         ) from error
-
-
-def _text(value: object) -> str:
-    """Return a text of a file.
-
-    Raises:
-        TypeError: it is none.
-    """
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    return value
 
 
 def _finite(digits: str) -> float:
@@ -187,24 +176,34 @@ def _finite(digits: str) -> float:
     return value
 
 
-def _record(words: dict[str, Any], teams: set[str]) -> RaceRecord:
-    """Return the record of a drive of some of these teams.
+def _checked(state: EventState) -> EventState:
+    """Return an event once it is checked what its parts say of one another.
 
     Raises:
-        ValueError: it is of none of them, or of another one.
+        ValueError: they do not fit together.
     """
-    drives = tuple(
-        TeamResult(
-            **one
-            | {
-                "lap_times_us": tuple(one["lap_times_us"]),
-                "deleted": tuple(DeletedLap(**lap) for lap in one["deleted"]),
-            }
-        )
-        for one in words["drives"]
-    )
-    driven = {one.team for one in drives}
-    if not driven or not driven <= teams:
-        others = ", ".join(sorted(driven - teams)) or "no team"
-        raise ValueError(f"a record is of {others}, not of the entrants")
-    return RaceRecord(words["digest"], drives, tuple(words["grid"]))
+    datetime.fromisoformat(state.begun_at)
+    if missing := set(state.format.letters) - set(state.tracks):
+        raise ValueError(f"tracks: there is none for letter {', '.join(sorted(missing))}")
+    if not state.entrants:
+        raise ValueError("entrants: there are none")
+    for one in state.entrants:
+        bytes.fromhex(one.key)
+        if not 0 <= one.seat < MOST_KARTS:
+            raise ValueError(f"an entrant has seat {one.seat}: give one from 0 to {MOST_KARTS - 1}")
+    for what in ("team", "seat"):
+        given = [getattr(one, what) for one in state.entrants]
+        if twice := [one for one in given if given.count(one) > 1]:
+            raise ValueError(f"two entrants have the {what} {twice[0]!r}")
+    teams = {one.team for one in state.entrants}
+    for record in state.records:
+        driven = {one.team for one in record.drives}
+        if not driven or not driven <= teams:
+            others = ", ".join(sorted(driven - teams)) or "no team"
+            raise ValueError(f"a record is of {others}, not of the entrants")
+        if record.grid and not driven <= set(record.grid) <= teams:
+            raise ValueError(f"the grid of a record is {', '.join(record.grid)}: not its teams")
+    for protest in state.protests:
+        if protest.against not in teams or not 0 <= protest.drive < len(state.records):
+            raise ValueError(f"protest {protest.number} is about no result of the event")
+    return state

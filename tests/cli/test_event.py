@@ -64,7 +64,17 @@ def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ('"begun_at": "2026-11-23T18:00"', '"begun_at": 5', "5 is no text"),
+        ('"begun_at": "2026-11-23T18:00"', '"begun_at": 5', "begun_at = 5: give a text"),
+        ('"begun_at": "2026-11-23T18:00"', '"begun_at": "soon"', "Invalid isoformat string"),
+        ('"tracks": {\n  "A": "oval"\n }', '"tracks": "oval"', "tracks = 'oval': give a table"),
+        ('"A": "oval"', '"B": "oval"', "tracks: there is none for letter A"),
+        ('"seat": 0', '"seat": true', r"entrants\[0\].seat = True: give a whole number"),
+        ('"seat": 0', '"seat": 64', "an entrant has seat 64: give one from 0 to 63"),
+        ('"key": "00"', '"key": "tcp"', "non-hexadecimal number"),
+        ('"time_us": 9000000', f'"time_us": {10**30}', "time_us = 1000.*: give a whole number of"),
+        ('"place": 1', '"plaice": 1', r"records\[0\].drives\[0\].plaice is unknown"),
+        ('"place": 1,', "", r"records\[0\].drives\[0\].place is missing"),
+        ('"grid": []', '"grid": ["Bert"]', "the grid of a record is Bert: not its teams"),
         ('"time_us": 9000000', '"time_us": Infinity', "Infinity is no finite number"),
         ('"time_us": 9000000', '"time_us": -1e999', "-1e999 is no finite number"),
         ('"team": "Anna",\n     "place"', '"team": "Bert",\n     "place"', "a record is of Bert"),
@@ -78,6 +88,15 @@ def test_a_file_with_a_wrong_value_is_damaged(
     assert old in text
     path.write_text(text.replace(old, new))
     with pytest.raises(ScenarioError, match=f"cup.event.json is damaged .*{fault}"):
+        shown(tmp_path, "show")
+
+
+def test_a_file_with_two_teams_of_one_name_is_damaged(tmp_path: Path) -> None:
+    path = write(tmp_path, "cup")
+    words = json.loads(path.read_text())
+    words["entrants"] *= 2
+    path.write_text(json.dumps(words))
+    with pytest.raises(ScenarioError, match=r"is damaged .*two entrants have the team 'Anna'"):
         shown(tmp_path, "show")
 
 

@@ -165,6 +165,39 @@ def test_a_race_is_on_a_course_or_in_a_car_park(command: str) -> None:
         ("replay race.mcap --play --speed inf", "less than or equal to 10000"),
         ("replay race.mcap --play --speed nan", "less than or equal to 10000"),
         ("replay race.mcap --play --speed 1e-320", "greater than or equal to 0.001"),
+        ("serve --format time-trial --attempts 101", "less than or equal to 100"),
+        ("serve --format time-trial --attempts 70000", "less than or equal to 100"),
+        ("serve --format time-trial --attempt-limit inf", "less than or equal to 86400"),
+        ("start --format time-trial --attempt-limit 1e300", "less than or equal to 86400"),
+        ("start --format time-trial --call-limit inf", "less than or equal to 86400"),
+        ("start --format time-trial --cool-down nan", "less than or equal to 86400"),
+        ("serve --once --review 1e300", "less than or equal to 86400"),
+        ("serve --finish-limit inf", "less than or equal to 86400"),
+        ("serve --finish-limit 1e300", "less than or equal to 86400"),
+        ("start --lot gate --limit inf", "less than or equal to 86400"),
+        ("start --mixed 1 --pedestrian inf", "less than or equal to 86400"),
+        ("serve --wait-for -7", "greater than or equal to -1"),
+        ("serve --wait-for 65", "less than or equal to 64"),
+        (
+            "start --races 2 --seed 9223372036854775807",
+            "the last of 2 seeds is 9223372036854775808",
+        ),
+        ("drive idm --patience nan", "less than or equal to 86400"),
+        ("drive idm --patience -1", "greater than or equal to 0"),
+        ("drive idm --seat 99999", "less than or equal to 63"),
+        ("drive idm --seat -2", "greater than or equal to -1"),
+        ("watch --foxglove 99999", "less than or equal to 65535"),
+        ("admin penalty 99999", "less than or equal to 63"),
+        ("admin protest 0 --against 64 --why cut", "less than or equal to 63"),
+        ("admin dismiss 65536", "less than or equal to 65535"),
+        ("admin park 64", "less than or equal to 63"),
+        ("relay --there x --bring 99999", "'99999' is no seat; write numbers from 0 to 63"),
+        ("relay --there x --bring -3", "--bring '-3': '-3' is no seat; write numbers from 0"),
+        ("relay --there x --send 0,\u0663", "is no seat; write numbers from 0 to 63"),
+        ("relay --there x --bring 1,2,1", "--bring '1,2,1': seat 1 is there twice; name it once"),
+        ("relay --there x --patience inf", "less than or equal to 86400"),
+        ("keys new cup --days inf", "less than or equal to 36500"),
+        ("keys new cup --days 1e9", "less than or equal to 36500"),
         ("exam parking --gap mass=1e300", "FACTOR=VALUE, at most 1000"),
         ("exam parking --gap mass=nan", "FACTOR=VALUE, at most 1000"),
     ],
@@ -175,3 +208,60 @@ def test_a_number_beyond_reason_is_refused_with_what_is_within(words: str, withi
     told = CliRunner().invoke(app, words.split(), env={"COLUMNS": "200"})
     assert told.exit_code != 0
     assert within in f"{told.output} {told.exception}"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--laps 1001", "--laps 1001: an attempt has 1000 laps at most; choose fewer"),
+        ("--attempt-limit 0.5", "--attempt-limit 0.5: give 1 second or more, or 0 for as many"),
+        ("--seed -3", "--seed -3: each attempt has a seed one larger than the one before; "),
+        # Of two attempts the second one has the largest seed.
+        (f"--attempts 2 --seed {MOST_SEED}", f"choose one from 0 to {MOST_SEED - 1}"),
+    ],
+)
+def test_an_event_that_could_not_be_read_again_is_refused_before_anyone_waits(
+    words: str, said: str, tmp_path: Path
+) -> None:
+    from race_server.cli.main import app
+
+    given = ["serve", "--format", "time-trial", "--track", "oval", "--record", str(tmp_path)]
+    told = CliRunner().invoke(app, [*given, *words.split()])
+    assert isinstance(told.exception, ScenarioError)
+    assert said in str(told.exception)
+
+
+def test_an_event_at_the_limits_of_its_options_is_read_again(tmp_path: Path) -> None:
+    from race_server.cli.serve_event import event_of
+    from race_server.competition.race_day.formats.reader import MOST_S, format_of, words_of
+
+    options = ServeOptions(
+        track="oval",
+        format="time-trial",
+        laps=1000,
+        attempts=100,
+        attempt_limit=MOST_S,
+        seed=MOST_SEED - 99,
+        record=str(tmp_path),
+    )
+    form = event_of(options, needs_line=False)[0].format
+    assert format_of(form.name, words_of(form), "there") == form
+
+
+def test_races_of_one_driver_have_no_ratings_and_it_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from race_server.cli.main import app
+    from race_server.competition import launch
+
+    document = {"stopped": False, "karts": [{"driver": "idm", "rank": 1}]}
+    monkeypatch.setattr(launch, "run_race", lambda *_: document)
+    words = "start --track oval --drivers idm --races 2 --no-page --results none"
+    told = CliRunner().invoke(app, words.split(), env={"COLUMNS": "200"})
+    assert told.exit_code == 0
+    assert told.stdout.splitlines() == [
+        "ratings need two different drivers, and all seats have idm: name another one in "
+        "--drivers, or give more seats with --karts",
+        "race 1 of 2, seed 1: won by idm",
+        "race 2 of 2, seed 2: won by idm",
+    ]

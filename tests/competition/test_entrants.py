@@ -25,6 +25,16 @@ def test_a_name_keeps_its_number_and_a_new_one_gets_the_lowest_that_is_free(tmp_
     assert known_entrants(tmp_path / "kept.csv") == found.entrants
 
 
+def test_a_name_that_is_a_formula_is_kept_as_text_and_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "kept.csv"
+    entrants = {"=1+1": 1, "'=1+1": 2, "@Bert": 3, "O'Neil": 4}
+    write_entrants(path, entrants)
+    assert path.read_text() == "number,name\n1,'=1+1\n2,''=1+1\n3,'@Bert\n4,O'Neil\n"
+    assert known_entrants(path) == entrants
+    path.write_text("number,name\n1,=1+1\n")  # as before
+    assert known_entrants(path) == {"=1+1": 1}
+
+
 def test_a_name_for_which_no_number_is_free_is_a_wrong_row(tmp_path: Path) -> None:
     rows = [f",{number}th" for number in range(9998)]  # and Anna is known
     assert faults_of(tmp_path / "new.csv", *rows) == ()
@@ -45,6 +55,8 @@ def test_each_wrong_row_is_named_with_the_way_out(tmp_path: Path) -> None:
         "row 6: name '': give 1 to 32 printable characters",
         "row 8: name 'Emil' stands in row 7 already; take one of the two out",
     )
+    (fault,) = faults_of(tmp_path / "new.csv", "8,Anna\u3164")
+    assert "has U+3164, which cannot be seen: give 1 to 32 printable characters" in fault
 
 
 def test_a_number_of_thousands_of_digits_is_a_wrong_row(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from race_server.competition.event_spec import (
 from race_server.competition.event_state import read_event
 from race_server.competition.launch import free_address
 from race_server.competition.live_event import LiveEvent
-from race_server.competition.race_day.formats import format_named
+from race_server.competition.race_day.formats import Format, Races, TimeTrial, format_named
 from race_server.competition.race_day.formats.reader import format_of, read_format, words_of
 from race_server.competition.race_day.record import DeletedLap, RaceRecord, TeamResult
 from race_server.competition.time_trial.run import drive_run
@@ -211,6 +211,46 @@ def test_a_file_that_is_no_format_is_refused(text: str, error: str, tmp_path: Pa
     assert error in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        # Two groups of "Race" are "Race 1" and "Race 2"; a round is kept as "Heat 1".
+        (Races("Race", "A", laps=1), Races("Race 2", "A", laps=1)),
+        (Races("Race 2, round 1", "A", laps=1), Races("Race", "A", laps=1)),
+        (TimeTrial("Heat 1", "A"), Races("Heat", "A", laps=1)),
+        # The driver "Anna: Bert" in one, "Bert" in the other.
+        (TimeTrial("Trial", "A"), TimeTrial("Trial: Anna", "A")),
+    ],
+)
+def test_a_format_in_which_two_races_could_have_the_same_title_is_refused(
+    first: Races | TimeTrial, second: Races | TimeTrial
+) -> None:
+    with pytest.raises(ScenarioError, match=r"mine.toml: stage '.*give one of them another name"):
+        Format("mine", "Mine", (first, second)).check_names("mine.toml")
+
+
+def test_names_of_stages_that_only_begin_alike_are_taken(tmp_path: Path) -> None:
+    stages = (TimeTrial("Run", "A"), TimeTrial("Run 2", "A"), Races("Race", "A", laps=1))
+    Format("mine", "Mine", (*stages, Races("Race of all", "A", laps=1))).check_names("mine.toml")
+    path = tmp_path / "mine.toml"
+    path.write_text('[[stage]]\nkind="races"\nname="Race"\n[[stage]]\nkind="races"\nname="Race 1"')
+    with pytest.raises(ScenarioError, match="would be called as in stage 'Race'"):
+        read_format(path)
+
+
+def test_an_event_that_began_with_the_same_title_twice_is_shown_and_does_not_go_on(
+    tmp_path: Path,
+) -> None:
+    served = Served(spec_of(tmp_path, EVENING), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60)
+    path = tmp_path / "cup.event.json"
+    path.write_text(path.read_text().replace('"Qualification"', '"Heat 1"'))
+    assert read_event(path).day().next is not None
+    with pytest.raises(ScenarioError, match=r"cannot go on: stage 'Heat 1'.*with --fresh"):
+        unfinished_event(served.spec, "cup", 3, Log())
+
+
 def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
     served = Served(spec_of(tmp_path), ("raceline",))
     with pytest.raises(Killed):
@@ -243,6 +283,19 @@ def test_a_race_that_is_not_over_is_part_of_the_event_until_that_is_put_away(
     assert not is_part_of(served.spec, "cup", recording)
     (path,) = files_of(tmp_path)
     assert not read_event(path).is_final
+
+
+def test_an_event_that_cannot_be_read_is_put_aside_and_another_one_begins(tmp_path: Path) -> None:
+    spec, path = spec_of(tmp_path), tmp_path / "cup.event.json"
+    for _ in range(2):
+        path.write_text("{}")
+        with pytest.raises(ScenarioError, match="begin another event with --fresh"):
+            unfinished_event(spec, "cup", 2, Log())
+        put_away(spec, "cup", Log())
+        assert unfinished_event(spec, "cup", 2, Log()) is None
+    put_away(spec, "cup", Log())  # where there is none
+    kept = ["cup.unreadable-2.event.json", "cup.unreadable.event.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == kept
 
 
 @pytest.mark.net

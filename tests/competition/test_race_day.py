@@ -138,6 +138,9 @@ def remarks(*drivers: str) -> list[str]:
 
 def test_teams_of_the_same_driver_have_names_of_their_own() -> None:
     assert [team.name for team in teams_of(("a", "b", "a"))] == ["a", "b", "a 2"]
+    # "a 2" is a driver, so the second "a" is the third one in name.
+    assert [team.name for team in teams_of(("a", "a", "a 2"))] == ["a", "a 3", "a 2"]
+    assert [team.name for team in teams_of(("a 2", "a", "a"))] == ["a 2", "a", "a 3"]
 
 
 def test_a_driver_that_raises_is_out_and_the_race_goes_on() -> None:

@@ -1,6 +1,7 @@
 """The examples in Python run from beginning to end, in a short setting."""
 
 import runpy
+import subprocess
 import sys
 import time
 from itertools import chain, repeat
@@ -15,6 +16,16 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def test_no_example_in_python_is_left_out() -> None:
     names = sorted(path.name for path in EXAMPLES.glob("*.py"))
     assert names == ["timing_board.py", "train_sb3.py"]
+
+
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9", "127.0.0.1:8080", "http://[", "x"])
+def test_the_board_says_in_one_line_that_no_gateway_is_there(address: str) -> None:
+    board = [sys.executable, str(EXAMPLES / "timing_board.py"), address]
+    done = subprocess.run(board, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {address}: no timing (")
+    assert "such as http://127.0.0.1:8080" in line
 
 
 @pytest.mark.slow

@@ -18,6 +18,11 @@ from race_server.live.gateway.settings import Settings, addresses_of, check_sett
 def test_a_hello_without_words_is_that_of_a_spectator() -> None:
     hello = read_hello("{}")
     assert (hello.role, hello.source, hello.seat, hello.rate) == (Role.SPECTATE, "live", -1, 30.0)
+    assert [read_hello(f'{{"name": "{name}"}}').name for name in ("", " ", " Ada ")] == [
+        "",
+        "",
+        "Ada",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -31,6 +36,7 @@ def test_a_hello_without_words_is_that_of_a_spectator() -> None:
         {"token": 7},
         {"source": "file"},
         {"name": "a\nb"},
+        {"name": "Anna\u034f"},
         {"token": "\ud800"},
     ],
 )

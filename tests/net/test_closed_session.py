@@ -86,8 +86,8 @@ def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Pat
             StewardClient(link, "guess").log()
         assert (
             StewardClient(link, "token", "ann")
-            .decide("close", seat=0)
-            .endswith("ann: seat 0 closed")
+            .decide("close", seat=1)
+            .endswith("ann: seat 1 closed")
         )
 
 

@@ -69,6 +69,67 @@ def test_keys_of_another_session_or_too_few_seats_are_refused(keys: Path) -> Non
         issue_keys(Order("cup"), keys)
 
 
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ("192.168.1.10:7447", "leave the port out, and give it with --port: 192.168.1.10"),
+        ("race.example.org:7447", "leave the port out, and give it with --port: race.example.org"),
+        ("", "give a name or an address, such as"),
+        ("tcp/10.0.0.1", "give a name or an address, such as"),
+        ("192.168.1", "give a name or an address, such as"),
+        ("300.1.1.1", "give a name or an address, such as"),
+        ("a b", "give a name or an address, such as"),
+        ("-a.org", "give a name or an address, such as"),
+        ("a..org", "give a name or an address, such as"),
+        (64 * "a", "give a name or an address, such as"),
+        (5 * f"{60 * 'a'}.", "give a name or an address, such as"),
+        ("[::1]", "give a name or an address, such as"),
+    ],
+)
+def test_what_is_no_host_is_refused_before_a_folder_is_made(
+    host: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(KeysError) as told:
+        issue_keys(Order("cup", 1, hosts=("localhost", host)), tmp_path / "cup")
+    assert str(told.value).startswith(f"--host {host!r}: ")
+    assert said in str(told.value)
+    assert not (tmp_path / "cup").exists()
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("münchen.de", "tls/xn--mnchen-3ya.de:7447"),
+        ("Race-1.local", "tls/Race-1.local:7447"),
+        ("10.0.0.1", "tls/10.0.0.1:7447"),
+        ("fe80::0001", "tls/[fe80::1]:7447"),
+    ],
+)
+def test_a_host_is_written_as_networks_write_it(host: str, address: str, tmp_path: Path) -> None:
+    handed = issue_keys(Order("cup", 1, hosts=(host,)), tmp_path / "cup")
+    assert {keys.address for keys in handed} == {address}
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("[]", "the file = []: give a table"),
+        ("{}", "session is missing"),
+        ('{"session": 5}', "session = 5: give a text"),
+        ('{"seats": 8}', "seats is unknown"),
+        ("nothing", "Expecting value"),
+        ("[" * 100_000, "recursion"),
+    ],
+)
+def test_of_a_damaged_file_of_keys_its_fault_is_said(text: str, fault: str, tmp_path: Path) -> None:
+    (tmp_path / "keys.json").write_text(text)
+    with pytest.raises(KeysError) as told:
+        read_client_keys(tmp_path)
+    assert fault in str(told.value)
+    assert "__init__" not in str(told.value)
+    assert str(told.value).endswith("or make new keys with `race keys new`")
+
+
 def test_keys_that_expired_or_do_not_belong_together_are_refused(tmp_path: Path) -> None:
     issue_keys(Order("cup", 2), tmp_path / "cup")
     own, other = tmp_path / "cup" / "seat-0", tmp_path / "cup" / "seat-1"
@@ -78,6 +139,9 @@ def test_keys_that_expired_or_do_not_belong_together_are_refused(tmp_path: Path)
     about = json.loads((other / "keys.json").read_text()) | {"expires": "2001-01-01T00:00:00+00:00"}
     (other / "keys.json").write_text(json.dumps(about))
     with pytest.raises(KeysError, match="expired on 2001-01-01"):
+        read_client_keys(other)
+    (other / "keys.json").write_text(json.dumps(about | {"expires": "2001-01-01T00:00:00"}))
+    with pytest.raises(KeysError, match="expired on 2001-01-01 00:00 UTC"):
         read_client_keys(other)
     (other / "keys.json").write_text("[]")
     with pytest.raises(KeysError, match="damaged"):

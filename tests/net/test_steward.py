@@ -181,6 +181,25 @@ def test_a_stewards_messages_survive_the_wire() -> None:
         decode_decision(encode_decision(replace(decision, value=float("nan"))))
 
 
+def test_a_reason_of_more_than_120_characters_is_refused_and_not_cut() -> None:
+    longest = Decision("token", "protest", 1, against=0, note="🏎" * 120)
+    assert decode_decision(encode_decision(longest)) == longest
+    with pytest.raises(SeatError, match="the reason has 121 characters: give at most 120"):
+        encode_decision(replace(longest, note="x" * 121))
+
+
+def test_of_a_log_that_is_too_long_for_a_message_the_newest_lines_are_sent() -> None:
+    lines = [f"{number} {'🏎' * 250}" for number in range(500)]
+    for shift in range(4):  # bytes to the next multiple of four
+        longer = [line + "x" * shift for line in lines]
+        message = encode_log(5, longer)
+        sent = decode_log(message)[1]
+        assert sent == longer[-len(sent) :]
+        # A line has 4 + 1000 bytes of text and up to 16 more; the message holds 262144.
+        assert 256 <= len(sent) <= 261
+        assert len(message) <= 262_144
+
+
 @pytest.mark.net
 def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
     tmp_path: Path,

@@ -182,11 +182,37 @@ def test_a_name_has_32_characters_however_many_bytes_they_take(letter: str) -> N
 
 
 @pytest.mark.parametrize(
-    "name", ["", "\x1b[2J", "a\nb", "\x9b", "\u202ea", "\u2066a", "\x00", "a\u2028"]
+    "name",
+    [
+        *("", "\x1b[2J", "a\nb", "\x9b", "\u202ea", "\u2066a", "\x00", "a\u2028"),
+        *(
+            " ",
+            "Anna ",
+            " Anna",
+            "\u3164",
+            "\u2800",
+            "Anna\u034f",
+            "\ufe0f",
+            "\U000e0100",
+            "\u0301",
+        ),
+    ],
 )
 def test_a_name_that_cannot_be_seen_is_refused(name: str) -> None:
     with pytest.raises(WireError, match="use 1 to 32 printable characters"):
         lobby.decode_join(lobby.encode_join(lobby.Join(name, "lidar")))
+
+
+def test_what_cannot_be_seen_in_a_name_is_named() -> None:
+    with pytest.raises(WireError, match=r"has U\+034F, which cannot be seen: use 1 to 32"):
+        lobby.decode_join(lobby.encode_join(lobby.Join("Anna\u034f", "lidar")))
+    with pytest.raises(WireError, match="name 'Anna ' has a space at one end: use 1 to 32"):
+        lobby.decode_join(lobby.encode_join(lobby.Join("Anna ", "lidar")))
+
+
+@pytest.mark.parametrize("name", ["Anna B", "7", "+", "é", "e\u0301", "名", "🏎", "שלום"])
+def test_a_name_with_something_to_see_is_taken(name: str) -> None:
+    assert lobby.decode_join(lobby.encode_join(lobby.Join(name, "lidar"))).driver == name
 
 
 def test_rules_come_back_as_they_were_sent() -> None:

@@ -14,6 +14,7 @@ from race_server.competition.time_trial.run_spec import (
     rules_of,
     world_seed,
 )
+from race_server.core.seeds import MOST_SEED
 from race_server.core.vehicles import Vehicle
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
@@ -119,11 +120,18 @@ class DayPlan:
         """Check before the first race that every stage can be run.
 
         Raises:
-            ScenarioError: there are no teams, a course cannot be lapped by the vehicle, or has no
-                room for a race or an obstacle.
+            ScenarioError: there are no teams, an attempt has no seed, a course cannot be lapped by
+                the vehicle, or has no room for a race or an obstacle.
         """
         if not self.teams:
             raise ScenarioError("a race day needs drivers: give one or more")
+        trials = [one for one in self.format.stages if isinstance(one, TimeTrial)]
+        last = MOST_SEED + 1 - max((one.attempts for one in trials), default=1)
+        if not 0 <= self.seed <= last:
+            raise ScenarioError(
+                f"--seed {self.seed}: each attempt has a seed one larger than the one before; "
+                f"choose one from 0 to {last}"
+            )
         for course in self.courses.values():
             for issue in check_course(course, self.vehicle):
                 if issue.level == "error":
@@ -147,11 +155,15 @@ def _spec_of(stage: TimeTrial) -> RunSpec:
 
 
 def teams_of(drivers: list[str] | tuple[str, ...]) -> tuple[Team, ...]:
-    """Return a team for each driver, named after it; the second of a kind is numbered 2."""
-    seen: dict[str, int] = {}
-    teams = []
+    """Return a team for each driver, named after it; the second of a kind is numbered 2.
+
+    A number that makes the name of another driver is left out.
+    """
+    teams: dict[str, Team] = {}
     for driver in drivers:
-        seen[driver] = seen.get(driver, 0) + 1
-        number = f" {seen[driver]}" if seen[driver] > 1 else ""
-        teams.append(Team(driver + number, driver))
-    return tuple(teams)
+        name, number = driver, 1
+        while name in teams or (number > 1 and name in drivers):
+            number += 1
+            name = f"{driver} {number}"
+        teams[name] = Team(name, driver)
+    return tuple(teams.values())

@@ -7,6 +7,7 @@ from typing import Any
 
 from race_server.errors import GatewayError
 from race_server.net.wire.strict import MOST_NAME
+from race_server.printable import fault_of_name
 
 SUBPROTOCOL = "race.1"
 LIVE, RECORDING = "live", "recording:"
@@ -88,9 +89,11 @@ def read_hello(text: str | None) -> Hello:
     role = read_text(message, "role", 16) or Role.SPECTATE
     if role not in set(Role):
         raise GatewayError("malformed", f"role {role!r} is unknown; choose {', '.join(Role)}")
-    name = read_text(message, "name", MOST_NAME)
-    if not name.isprintable():
-        raise GatewayError("malformed", f"name: use up to {MOST_NAME} printable characters")
+    name = read_text(message, "name", MOST_NAME).strip()
+    if fault := name and fault_of_name(name):
+        raise GatewayError(
+            "malformed", f"name has {fault}: use up to {MOST_NAME} printable characters"
+        )
     source = read_text(message, "source", 160) or LIVE
     if source != LIVE and not source.startswith(RECORDING):
         raise GatewayError("malformed", f"source {source!r}: choose live or recording:NAME")

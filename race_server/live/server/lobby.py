@@ -8,6 +8,7 @@ from race_server.errors import DriverError
 from race_server.live.driver_processes import DriverProcesses
 from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.timing import ServerTiming
+from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.session import Session
 
@@ -22,6 +23,7 @@ class Lobby:
         drivers: tuple[LocalDrivers, DriverProcesses],
         timing: ServerTiming,
         poll: Callable[[], bool],
+        log: Log | None = None,
     ) -> None:
         """Wait at a link.
 
@@ -29,6 +31,7 @@ class Lobby:
         come, and returns False once the server was told to stop.
         """
         self._session, self._link, self._timing, self._poll = session, link, timing, poll
+        self._log = log
         self._inside, self._apart = drivers
 
     def gather(self, drivers: int, fillers: Sequence[str]) -> None:
@@ -58,11 +61,26 @@ class Lobby:
             raise DriverError(f"no driver of {', '.join(fillers)} can take part; see the log")
 
     def wait_for(self, drivers: int) -> None:
-        """Wait until `drivers` seats are taken and all their drivers are ready."""
+        """Wait until `drivers` seats are taken and all their drivers are ready.
+
+        A seat that is closed and free is not awaited; what still is, is logged when one is closed
+        or opened. Where all are closed one driver is awaited.
+        """
+        seats, known = self._session.seats, ""
 
         def can_start() -> bool:
-            taken = len(self._session.seats.taken())
-            return taken >= drivers and (taken == 0 or self._session.can_start())
+            nonlocal known
+            taken = len(seats.taken())
+            awaited = min(drivers, max(taken + len(seats.vacant()), 1))
+            if taken >= awaited and (taken == 0 or self._session.can_start()):
+                return True
+            closed = ", ".join(map(str, sorted(seats.closed)))
+            if closed != known and self._log:
+                ready = sum(seat.is_ready for seat in seats.taken())
+                missing = max(awaited - ready, 0)
+                self._log.say("waiting for drivers", missing=missing, closed=closed or "none")
+            known = closed
+            return False
 
         self.wait_until(can_start)
 

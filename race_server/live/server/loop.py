@@ -77,7 +77,7 @@ class RaceServer:
         )
         self.inbox = Inbox(session, self.link, self._requests, self.local_drivers, self.counters)
         drivers = inside, self.processes
-        self.lobby = Lobby(session, self.link, drivers, timing, self._tend)
+        self.lobby = Lobby(session, self.link, drivers, timing, self._tend, self.log)
         self._result: RaceResult | None = None  # of the last race, until the next one begins
         self._stop = False
 

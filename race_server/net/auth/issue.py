@@ -5,9 +5,10 @@ not stored, so that no further certificates can be signed.
 """
 
 import ipaddress
+import re
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -36,6 +37,9 @@ except ImportError as error:  # pragma: no cover - the extra is installed where 
     ) from error
 
 LOCAL_HOSTS = ("127.0.0.1", "::1", "localhost")
+# A part of a host's name between dots; the last one is no number, else it would be an address.
+_LABEL, _LAST = re.compile(r"(?!-)[a-z0-9_-]{1,63}(?<!-)", re.IGNORECASE), re.compile(r".*[^\d].*")
+MOST_HOST = 253
 # Certificates are valid from this long before now, since clocks of karts are not exact.
 BEFORE = timedelta(hours=1)
 
@@ -112,10 +116,11 @@ def issue_keys(order: Order, folder: Path) -> list[ClientKeys]:
     """Write the keys of a session into a new folder and return those to hand out.
 
     Raises:
-        KeysError: the folder is not empty, or cannot be written.
+        KeysError: the folder is not empty, or cannot be written; a host is none.
         WireError: the session's name is not valid.
     """
     topics.key_of(topics.SNAPSHOT, order.session)
+    order = replace(order, hosts=tuple(map(_checked_host, order.hosts)))
     try:
         _make(folder)
         return _issue(order, folder)
@@ -192,6 +197,31 @@ machine, while the server runs or before. Make new keys for the next race and de
 
 def _name(text: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+
+def _checked_host(host: str) -> str:
+    """Return a host as it stands in certificates and addresses: letters of IDNA, no port.
+
+    Raises:
+        KeysError: it is no name and no address of a host.
+    """
+    way_out = "give a name or an address, such as race.example.org or 192.168.1.10"
+    try:
+        return str(ipaddress.ip_address(host))
+    except ValueError:
+        pass
+    name, colon, port = host.rpartition(":")
+    if colon and port.isdecimal():
+        raise KeysError(f"--host {host!r}: leave the port out, and give it with --port: {name}")
+    try:
+        written = host.encode("idna").decode("ascii")
+    except UnicodeError as error:
+        raise KeysError(f"--host {host!r}: is no name of a host ({error}); {way_out}") from error
+    labels = written.split(".")
+    fits = all(map(_LABEL.fullmatch, labels)) and _LAST.fullmatch(labels[-1])
+    if not fits or len(written) > MOST_HOST:
+        raise KeysError(f"--host {host!r}: is no name of a host; {way_out}")
+    return written
 
 
 def _host(host: str) -> x509.GeneralName:

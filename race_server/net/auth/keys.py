@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from race_server.errors import KeysError
 from race_server.net.auth.access import common_name
+from race_server.plain_data import made_of
 
 CA, CERTIFICATE, KEY = "ca.pem", "certificate.pem", "key.pem"
 PASSWORDS, ABOUT, REVOKED = "passwords.txt", "keys.json", "revoked.txt"
@@ -160,13 +161,18 @@ def read_revoked(folder: Path) -> frozenset[str]:
 def _read(folder: Path, kind: type[Held]) -> Held:
     path = folder / ABOUT
     try:
-        row: dict[str, Any] = json.loads(path.read_text())
-        held = kind(folder=folder.resolve(), **row)
+        row: Any = json.loads(path.read_text())
+        held = made_of(kind, {**row, "folder": folder.resolve()} if isinstance(row, dict) else row)
+        # UTC where no zone is named.
         expires = datetime.fromisoformat(held.expires)
+        expires = expires if expires.tzinfo else expires.replace(tzinfo=UTC)
     except OSError as error:
         raise KeysError(f"{path}: cannot be read ({error.strerror}); {_way_out(folder)}") from error
-    except (ValueError, TypeError, UnicodeDecodeError) as error:
-        raise KeysError(f"{path} is damaged, or does not hold {_NAMES[kind]}: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise KeysError(
+            f"{path} is damaged, or does not hold {_NAMES[kind]} ({error}); copy it again, or make "
+            "new keys with `race keys new`"
+        ) from error
     if expires < datetime.now(UTC):
         raise KeysError(
             f"the keys in {folder} expired on {expires:%Y-%m-%d %H:%M} UTC: "

@@ -1,10 +1,11 @@
 """Encode and decode the steward's requests and their answers."""
 
+import itertools
 from dataclasses import dataclass
 
 import flatbuffers
 
-from race_server.errors import WireError
+from race_server.errors import Reason, SeatError, WireError
 from race_server.net.wire import topics
 from race_server.net.wire.generated.session import AdminLog, AdminRequest
 from race_server.net.wire.lobby import check_reply
@@ -13,6 +14,9 @@ from race_server.net.wire.strict import F64, I16, MOST_NAME, U16, U64, UTF8_BYTE
 
 LOG_ID, REPLY_ID = b"RALG", b"RRPL"
 MOST_LOG, MOST_LINES = 1 << 18, 1024
+# What a message needs besides the text of its lines, and for each of them: its place, its length,
+# the zero at its end, and up to three bytes to the next multiple of four.
+_HEAD_BYTES, _LINE_BYTES = 64, 12
 # Characters of the reason for a protest.
 MOST_NOTE = 120
 
@@ -33,11 +37,17 @@ class Decision:
 
 
 def encode_decision(decision: Decision) -> bytes:
-    """Return a steward's request as a message."""
+    """Return a steward's request as a message.
+
+    Raises:
+        SeatError: its reason is too long.
+    """
+    if fault := _fault_of(decision.note):
+        raise SeatError(fault, Reason.DECISION)
     builder = flatbuffers.Builder(128)
     token, act = builder.CreateString(decision.token), builder.CreateString(decision.act)
     who = builder.CreateString(decision.who[:MOST_NAME])
-    note = builder.CreateString(decision.note[:MOST_NOTE]) if decision.note else 0
+    note = builder.CreateString(decision.note) if decision.note else 0
     AdminRequest.Start(builder)
     AdminRequest.AddToken(builder, token)
     AdminRequest.AddAct(builder, act)
@@ -61,8 +71,8 @@ def decode_decision(data: bytes) -> Decision:
     """
     table = root_of(data, topics.ACT.identifier, topics.ACT.most_bytes)
     note = table.text(8, MOST_NOTE * UTF8_BYTES) if table.field(8, 4) else ""
-    if not note.isprintable():
-        raise WireError(f"reason {note[:MOST_NOTE]!r}: use printable characters")
+    if fault := _fault_of(note):
+        raise WireError(fault)
     return Decision(
         token=table.text(0, 64),
         act=table.text(1, 16),
@@ -72,8 +82,15 @@ def decode_decision(data: bytes) -> Decision:
         who=table.name(5, least=0),
         against=_seat_in(table, 6),
         protest=table.scalar(7, U16),
-        note=note[:MOST_NOTE],
+        note=note,
     )
+
+
+def _fault_of(note: str) -> str:
+    """Return what is wrong with a reason, "" for nothing."""
+    if len(note) > MOST_NOTE:
+        return f"the reason has {len(note)} characters: give at most {MOST_NOTE}"
+    return "" if note.isprintable() else f"reason {note!r}: use printable characters"
 
 
 def _seat_in(table: Table, slot: int) -> int:
@@ -82,9 +99,15 @@ def _seat_in(table: Table, slot: int) -> int:
 
 
 def encode_log(challenge: int, lines: list[str]) -> bytes:
-    """Return the decisions so far, and the challenge for the next request, as a message."""
+    """Return the decisions so far, and the challenge for the next request, as a message.
+
+    Of more than it has room for the oldest are left out.
+    """
     builder = flatbuffers.Builder(1024)
-    texts = [builder.CreateString(line) for line in lines[-MOST_LINES:]]
+    newest = lines[-MOST_LINES:]
+    ends = itertools.accumulate(len(line.encode()) + _LINE_BYTES for line in reversed(newest))
+    count = sum(end <= MOST_LOG - _HEAD_BYTES for end in ends)
+    texts = [builder.CreateString(line) for line in newest[len(newest) - count :]]
     vector = build_vector(builder, texts)
     AdminLog.Start(builder)
     AdminLog.AddChallenge(builder, challenge)

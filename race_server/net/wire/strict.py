@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from race_server.errors import Reason, WireError
+from race_server.printable import fault_of_name
 
 # Numbers as they stand in a buffer.
 U8, U16, U32, U64 = (struct.Struct(f"<{code}") for code in "BHIQ")
@@ -112,11 +113,13 @@ class Table:
         """Return a name of `least` to `MOST_NAME` characters that can be seen.
 
         Raises:
-            WireError: it is missing, longer, not UTF-8, or not printable.
+            WireError: it is missing, longer, not UTF-8, or part of it cannot be seen.
         """
         name = self.text(slot, MOST_NAME * UTF8_BYTES)
-        if not least <= len(name) <= MOST_NAME or not name.isprintable():
-            raise WireError(f"name {name!r}: use {least} to {MOST_NAME} printable characters")
+        fault = fault_of_name(name) if name else ""
+        if fault or not least <= len(name) <= MOST_NAME:
+            has = f" has {fault}" if fault else ""
+            raise WireError(f"name {name!r}{has}: use {least} to {MOST_NAME} printable characters")
         return name
 
     def texts(self, slot: int, most: int) -> tuple[str, ...]:

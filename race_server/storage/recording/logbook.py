@@ -7,7 +7,6 @@ name.
 
 import contextlib
 import fcntl
-import itertools
 import os
 import tempfile
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import IO, Self
 
 from race_server.errors import RecordingError
+from race_server.kept_file import free_aside
 from race_server.net.wire.journal import StartFrame
 from race_server.storage.recording.reader import (
     NANOSECONDS,
@@ -121,10 +121,7 @@ class Logbook:
         self._move_aside(why, "aside")
 
     def _move_aside(self, why: str, word: str) -> None:
-        # Each has a name that is free: what was put aside before may still be wanted.
-        names = (f".{word}{f'-{n}' * (n > 1)}.mcap" for n in itertools.count(1))
-        places = map(self.journal.with_suffix, names)
-        aside = next(path for path in places if not path.exists())
+        aside = free_aside(self.journal, word, ".mcap")
         try:
             self.journal.replace(aside)
         except OSError as error:

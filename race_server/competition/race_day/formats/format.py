@@ -1,8 +1,11 @@
 """The format of an event: stages in order, as plain data."""
 
+import re
 from dataclasses import dataclass
+from itertools import permutations
 
 from race_server.competition.time_trial.run_spec import FLYING, STANDING
+from race_server.errors import ScenarioError
 
 # What counts of an attempt in a time trial: the time of all its laps, or its best clean lap.
 RUN, LAP = "run", "lap"
@@ -69,6 +72,22 @@ class Format:
         used = {letter for stage in self.stages for letter in _tracks_of(stage)}
         return "".join(sorted(used))
 
+    def check_names(self, file: str, way_out: str = "give one of them another name") -> None:
+        """Check that no two attempts, races or rounds can have the same title.
+
+        Results, corrections and recordings are found by these titles.
+
+        Raises:
+            ScenarioError: two can.
+        """
+        for short, long in permutations(self.stages, 2):
+            added = long.name.removeprefix(short.name)
+            if added != long.name and _TITLES[type(short), type(long)].fullmatch(added):
+                raise ScenarioError(
+                    f"{file}: stage {long.name!r}: what is driven in it would be called as in "
+                    f"stage {short.name!r}; {way_out}"
+                )
+
     @property
     def has_points(self) -> bool:
         """Whether points decide."""
@@ -80,3 +99,14 @@ class Format:
 
 def _tracks_of(stage: TimeTrial | Races) -> str:
     return stage.track if isinstance(stage, TimeTrial) else stage.tracks
+
+
+# What a title adds to the name of a stage, as far as another stage may be called so: groups and
+# rounds of races, the name of a team in a time trial, and the turn by which a round is kept.
+_NEVER, _TURN = re.compile("(?!)"), re.compile(r" \d+")
+_TITLES = {
+    (Races, Races): re.compile(r"( \d+)?(, round \d+)?"),
+    (TimeTrial, TimeTrial): re.compile(": .*"),
+    (Races, TimeTrial): _TURN,
+    (TimeTrial, Races): _NEVER,
+}

@@ -36,7 +36,8 @@ def read_format(path: Path) -> Format:
     except ValueError as error:
         raise ScenarioError(f"{path}: no TOML: {error}") from error
     form = format_of(path.stem, words, str(path))
-    # Not where the file of an event is read, which may be older than this rule.
+    # Not where the file of an event is read, which may be older than these rules.
+    form.check_names(str(path))
     for stage in form.stages:
         if isinstance(stage, TimeTrial) and stage.least_points > stage.best_points:
             raise ScenarioError(
