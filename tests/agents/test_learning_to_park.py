@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from race_agents.commands.exam import ParkingOptions
+from race_agents.commands.exam_parking import ParkingOptions
 from race_agents.training.budget import Budget
 from race_agents.training.cloning import Cloning
 from race_agents.training.companion_callbacks import callbacks_beside
