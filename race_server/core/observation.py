@@ -210,8 +210,10 @@ def _parts_of(preset: str | tuple[str, ...]) -> tuple[str, ...]:
                 f"observation {preset!r} is unknown; choose one of {', '.join(known)}"
             )
         return known[preset]
-    unknown = [name for name in preset if name not in PART_NUMBERS]
-    if unknown or not preset or len(set(preset)) < len(preset):
+    twice = next((name for name in preset if preset.count(name) > 1), None)
+    if twice in PART_NUMBERS:
+        raise ScenarioError(f"observation part {twice!r} is given twice: give each once")
+    if not preset or not PART_NUMBERS.keys() >= set(preset):
         raise ScenarioError(
             f"observation parts {preset}: choose some of {', '.join(PART_NUMBERS)}, each once"
         )

@@ -117,7 +117,7 @@ RULES = record_of(
         "wrong_way_removal ram_speed",
         "laps course wall_contact kart_contact items catch_up standing_start ram_warnings "
         "box_respawn_ticks stuck_ticks stopped_limit_ticks finish_limit_ticks limit_ticks "
-        "false_start_us short_cut_us rescue_us",
+        "false_start_us short_cut_us rescue_us edition",
     )
 )
 

@@ -87,7 +87,12 @@ def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[
     Raises:
         ScenarioError: they are no numbers.
     """
+    wrong = f"action {actions!r}: give numbers"
     try:
-        return np.asarray(actions, kind)
+        given = np.asarray(actions)
+        converted = given.astype(kind, copy=False) if given.dtype.kind not in "cSU" else None
     except (TypeError, ValueError) as error:
-        raise ScenarioError(f"action {actions!r}: give numbers") from error
+        raise ScenarioError(wrong) from error
+    if converted is None:  # complex numbers or text, which numpy would convert
+        raise ScenarioError(wrong)
+    return converted

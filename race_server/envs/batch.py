@@ -28,16 +28,19 @@ from race_server.envs.action_shapes import actions_as, finite
 from race_server.envs.actions import RESIDUAL, action_kind
 from race_server.envs.assembly import buffers_for, fitted_with, opponents_for, sensors_of
 from race_server.envs.buffers import (
+    REENTER,
     RESET_WORLD,
+    STAY,
     Buffers,
     part_of_buffers,
 )
 from race_server.envs.opponents import advise
 from race_server.envs.reality_gap import FACTORS
-from race_server.envs.round_options import RoundOptions, asked_for, seeds_of
+from race_server.envs.round_options import RoundOptions, asked_for, odds_of, seeds_of
 from race_server.envs.saved_state import in_one_block, told_apart_by
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
+from race_server.scenario.checked import check_whole
 from race_server.second.simulator import simulator_named
 
 
@@ -68,9 +71,9 @@ class Batch:
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
-        for name, count in (("worlds", worlds), ("threads", threads)):
-            if count < 1:
-                raise ScenarioError(f"{name} = {count}: choose one at least")
+        check_whole("worlds", worlds, 1)
+        check_whole("threads", threads, 1)
+        check_whole("after", after, STAY, REENTER)
         self.task = task
         scenarios = task.discipline.scenarios_of(task)
         first = scenarios[0]
@@ -197,27 +200,26 @@ class Batch:
         chosen = range(self.worlds) if worlds is None else worlds
         if not all(0 <= w < self.worlds for w in chosen):
             raise ScenarioError(f"worlds {list(chosen)}: choose of 0 to {self.worlds - 1}")
+        if seed is None and not (wanted.state or self._is_sown):
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
+        seeds = [] if seed is None else seeds_of(seed, chosen)
         if wanted.state:
             self.load_state(wanted.state, worlds)
-        elif seed is None and not self._is_sown:
-            seed = int(np.random.SeedSequence().generate_state(1)[0])
-        self._sow(seed, chosen)
-        if wanted.state:
-            if seed is not None:
+            self._sow(seeds, chosen)
+            if seeds:
                 self.world.races["seed"][chosen] = self.buffers.rounds["seed"][chosen]
             return self.buffers.observations
         calls = self._restarts if worlds is None else [self._restart_alone(w) for w in worlds]
         with asked_for(wanted, self.scenarios, self.world, self.buffers, self._templates):
+            self._sow(seeds, chosen)
             for begin in calls:
                 begin()
         return self.buffers.observations
 
-    def _sow(self, seed: int | Sequence[int | None] | None, worlds: Sequence[int]) -> None:
-        """Set the seeds of some worlds, of which None leaves one as it is."""
-        if seed is None:
-            return
-        self._is_sown = True
-        for w, one in zip(worlds, seeds_of(seed, worlds), strict=True):
+    def _sow(self, seeds: Sequence[int | None], worlds: Sequence[int]) -> None:
+        """Set the seeds of some worlds, or of none; None leaves one as it is."""
+        for w, one in zip(worlds, seeds, strict=False):
+            self._is_sown = True
             if one is not None:
                 self.seed_next(w, one)
 
@@ -266,16 +268,7 @@ class Batch:
         Raises:
             ScenarioError: not one weight for each scenario, or none above zero.
         """
-        odds: Floats = np.asarray(weights, np.float64)
-        shape = self.buffers.odds.shape
-        is_sound = odds.shape == shape and bool(np.isfinite(odds).all() and (odds >= 0.0).all())
-        if not is_sound or not odds.sum() > 0.0:
-            raise ScenarioError(
-                f"{len(odds)} weights {list(weights)}: give one for each of the "
-                f"{len(self.buffers.odds)} scenarios, none below zero and one above"
-            )
-        self.buffers.odds[:] = np.cumsum(odds / odds.sum())
-        self.buffers.odds[-1] = 1.0
+        self.buffers.odds[:] = odds_of(weights, len(self.buffers.odds))
 
     # State
 
@@ -321,9 +314,9 @@ class Batch:
         """Return a batch that goes on alone; the task never changes and is shared."""
         return _revived(self.task, *self._made_of())
 
-    def _made_of(self) -> tuple[int, int, int, Floats, bytes]:
-        after = int(self.buffers.settings["after"][0])
-        return self.worlds, after, self.threads, self.buffers.odds.copy(), self.save_state()
+    def _made_of(self) -> tuple[int, int, int, bool, Floats, bytes]:
+        after, odds = int(self.buffers.settings["after"][0]), self.buffers.odds.copy()
+        return self.worlds, after, self.threads, self._is_sown, odds, self.save_state()
 
     def close(self) -> None:
         """End the threads."""
@@ -332,11 +325,12 @@ class Batch:
 
 
 def _revived(
-    task: Task, worlds: int, after: int, threads: int, odds: Floats, state: bytes
+    task: Task, worlds: int, after: int, threads: int, is_sown: bool, odds: Floats, state: bytes
 ) -> Batch:
     batch = Batch(task, worlds=worlds, after=after, threads=threads)
     batch.buffers.odds[:] = odds
     batch.load_state(state)
+    batch._is_sown = is_sown  # a copy of one without a seed draws its own
     return batch
 
 

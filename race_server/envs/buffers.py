@@ -56,7 +56,8 @@ class Buffers(NamedTuple):
     opponent_offsets: Ints  # (K, parts + 1) of each opponent's, all -1 for a kart without a driver
     weights: Floats  # (T,) of the reward terms
     odds: Floats  # (S,) of the scenarios, summed up; the last is 1
-    gap: Floats  # (G, 2) ranges of the reality gap
+    gap: Floats  # (G, 2) ranges of the reality gap, for rounds that begin
+    round_gap: Floats  # (W, G, 2) those of each world's round
     table: Floats  # (N, 3) discrete actions
     actions: Float32s  # (W, L, A)
     controls: Floats  # (W, K, 4)
@@ -132,6 +133,7 @@ def make_buffers(
         weights=weights,
         odds=np.cumsum(np.full(sizes.scenarios, 1.0 / sizes.scenarios)),
         gap=gap,
+        round_gap=np.tile(gap, (sizes.worlds, 1, 1)),
         table=discrete_table(),
         actions=np.zeros((*shape, WIDTHS[int(settings["action"])]), np.float32),
         controls=np.zeros((*per_world, 4)),

@@ -23,6 +23,7 @@ from race_server.envs.saved_state import own_part_in
 from race_server.envs.spaces import ROLL, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
+from race_server.scenario.checked import check_whole
 
 _STEPS = struct.Struct("<Q")
 
@@ -47,6 +48,7 @@ class KartRace(KartAgents):
         Raises:
             ScenarioError, DriverError: the task makes no race.
         """
+        check_whole("max_cycles", max_cycles, 0)
         self.max_cycles = max_cycles
         self.render_mode = render_mode
         self.batch = Batch(task or race_task(), seed=None, after=STAY)
@@ -111,11 +113,12 @@ class KartRace(KartAgents):
     ]:
         """Move the race on by one decision.
 
-        An agent without an action rolls on with its pedals and wheel at rest. `infos` of each agent
-        are arrays: `reward_terms` (T,), in the order of `batch.terms`, and `reality_gap` (G,).
+        An agent without an action has its pedals and wheel at rest, and rolls on; told its speed,
+        as with `dock`, it drives at the least there is. `infos` of each agent are arrays:
+        `reward_terms` (T,), in the order of `batch.terms`, and `reality_gap` (G,).
 
         Raises:
-            ScenarioError: an action has another shape, or is no number.
+            ScenarioError: an action has another shape, is no number, or is of no agent.
         """
         batch, agents = self.batch, self.agents
         numbers = self._seats_of(agents)
@@ -143,6 +146,8 @@ class KartRace(KartAgents):
             for agent, k in zip(agents, numbers, strict=True):
                 terminations[agent] = is_over = bool(ended[k])
                 truncations[agent] = not is_over and (late or bool(cut[k]))
+                if late and not (is_over or cut[k]):
+                    buffers.ended[0, k] = buffers.episodes[0, k]
             self.agents = [a for a in agents if not (terminations[a] or truncations[a])]
         return observations, gained, terminations, truncations, infos
 
@@ -157,20 +162,29 @@ class KartRace(KartAgents):
         """Put the actions of agents into those of the batch. numbers: of the agents' karts."""
         given = self.batch.buffers.actions[0]
         width = given.shape[1]
+        if len(actions) != len(numbers) and not actions.keys() <= self._numbers.keys():
+            stranger = next(iter(actions.keys() - self._numbers.keys()))
+            raise ScenarioError(
+                f"action of {stranger!r}: choose of {', '.join(self.possible_agents)}"
+            )
         try:
             rows = [actions[agent] for agent in self.agents]
             if len(rows) == len(given) and {*map(len, rows)} == {width}:
-                np.concatenate(rows, out=given.reshape(-1), casting="unsafe")
+                np.concatenate(rows, out=given.reshape(-1), casting="same_kind")
                 return
-            block = np.array(rows, np.float32).reshape(len(numbers), width)
-            given[:] = self._rest
-            given[numbers] = block
+            shape = (len(numbers), width)
+            block = np.array(rows).astype(np.float32, casting="same_kind")
+            if block.shape == shape or (width == 1 and block.shape == shape[:1]):
+                given[:] = self._rest
+                given[numbers] = block.reshape(shape)
+                return
         except (KeyError, ValueError, TypeError):
-            # One is missing, or it is not what it should be: which one?
-            given[:] = self._rest
-            for agent, k in zip(self.agents, numbers, strict=True):
-                if agent in actions:
-                    given[k] = action_as(actions[agent], width, agent)
+            pass
+        # One is missing, or it is not what it should be: which one?
+        given[:] = self._rest
+        for agent, k in zip(self.agents, numbers, strict=True):
+            if agent in actions:
+                given[k] = action_as(actions[agent], width, agent)
 
     def episode_of(self, agent: str) -> dict[str, Any]:
         """Return figures of the episode of an agent that ended last, see `Batch.episode_of`."""

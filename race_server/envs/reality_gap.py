@@ -19,7 +19,9 @@ from race_server.envs.actions import LAG_DRIVE, LAG_STEERING, PLAYED
 from race_server.errors import ScenarioError
 
 MOST_DELAY = 8  # decisions
-LEAST_SHARE = 0.05  # of what a vehicle's figure is without a gap
+LEAST_SHARE, MOST_SHARE = 0.05, 20.0  # of what a vehicle's figure is without a gap
+MOST_LAG = 60.0  # [s]
+MOST_PLAY = 2.0  # from one stop to the other
 
 Range = tuple[float, float]  # low and high; a point means fixed
 
@@ -31,7 +33,7 @@ class Factor:
     unit: str
     meaning: str
     least: float = 0.0
-    most: float = math.inf
+    most: float = 1.0
     is_whole: bool = False
 
 
@@ -40,7 +42,7 @@ def _delay(meaning: str) -> Factor:
 
 
 def _share(meaning: str) -> Factor:
-    return Factor("-", meaning, least=LEAST_SHARE)
+    return Factor("-", meaning, least=LEAST_SHARE, most=MOST_SHARE)
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,11 @@ class RealityGap:
 
     action_delay: Annotated[Range, _delay("from an action to its effect")] = (0.0, 0.0)
     observation_delay: Annotated[Range, _delay("age of what is seen")] = (0.0, 0.0)
-    actuator_lag: Annotated[Range, Factor("s", "time constant of pedals and wheel")] = (0.0, 0.0)
+    actuator_lag: Annotated[
+        Range, Factor("s", "time constant of pedals and wheel", most=MOST_LAG)
+    ] = (0.0, 0.0)
     steering_play: Annotated[
-        Range, Factor("-", "how far the steering, -1 to 1, moves without effect")
+        Range, Factor("-", "how far the steering, -1 to 1, moves without effect", most=MOST_PLAY)
     ] = (0.0, 0.0)
     speed_coefficient: Annotated[
         Range, _share("factor of top speed, motor force and power: the battery")

@@ -3,15 +3,18 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
+from numbers import Integral
+from operator import index
 from typing import Any
 
 import numpy as np
 
 from race_server.core.seeds import MOST_SEED
-from race_server.core.state import World
+from race_server.core.state import Floats, World
 from race_server.envs.buffers import Buffers
 from race_server.envs.reality_gap import FACTORS
 from race_server.errors import ScenarioError
+from race_server.scenario.checked import check_number
 from race_server.scenario.race import Scenario
 
 # PettingZoo's own tests send this.
@@ -34,6 +37,8 @@ class RoundOptions:
         Raises:
             ScenarioError: there is no such option, or it does not go with another.
         """
+        if not isinstance(options, Mapping | None):
+            raise ScenarioError(f"reset options {options!r}: give them by name, in a dictionary")
         given = {key: value for key, value in (options or {}).items() if key not in MEANINGLESS}
         known = [each.name for each in fields(cls)]
         for key in given:
@@ -53,7 +58,7 @@ class RoundOptions:
 
 def _grid_of(places: Any) -> tuple[int, ...]:
     try:
-        return tuple(int(place) for place in places)
+        return tuple(index(place) for place in places)
     except (TypeError, ValueError) as error:
         raise ScenarioError(
             f"reset option grid = {places!r}: give a place for each kart"
@@ -66,10 +71,13 @@ def seeds_of(seed: int | Sequence[int | None], worlds: Sequence[int]) -> list[in
     Any whole number is one; beyond 63 bits its lowest ones count.
 
     Raises:
-        ScenarioError: a sequence has not as many.
+        ScenarioError: a sequence has not as many, or one of them is no whole number.
     """
-    is_one = isinstance(seed, int | np.integer)
-    seeds = [int(seed) + w for w in worlds] if is_one else list(seed)  # type: ignore[arg-type]
+    is_list = isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes)
+    for one in seed if is_list else [seed]:  # type: ignore[union-attr]
+        if not isinstance(one, Integral | None):
+            raise ScenarioError(f"seed = {one!r}: give a whole number")
+    seeds = list(seed) if is_list else [int(seed) + w for w in worlds]  # type: ignore[arg-type]
     if len(seeds) != len(worlds):
         raise ScenarioError(f"{len(seeds)} seeds for {len(worlds)} worlds: give one for each")
     return [one if one is None or abs(one) <= MOST_SEED else one & MOST_SEED for one in seeds]
@@ -99,7 +107,7 @@ def asked_for(
         if options.grid:
             _line_up(options.grid, world, buffers, templates)
         for name, value in options.gap.items():
-            _fix(name, float(value), buffers)
+            _fix(name, value, buffers)
         yield
     finally:
         for array, values in zip(changed, before, strict=True):
@@ -111,8 +119,28 @@ def _choose(course: str, scenarios: tuple[Scenario, ...], buffers: Buffers) -> N
     if course not in names:
         known = ", ".join(dict.fromkeys(names))
         raise ScenarioError(f"course {course!r} is not one of the task: {known}")
-    weights = np.array([name == course for name in names], np.float64)
-    buffers.odds[:] = np.cumsum(weights / weights.sum())
+    buffers.odds[:] = odds_of([float(name == course) for name in names], len(names))
+
+
+def odds_of(weights: Sequence[float], scenarios: int) -> Floats:
+    """Return how often each scenario is drawn, summed up, from a weight for each.
+
+    Raises:
+        ScenarioError: not one weight for each scenario, or none above zero.
+    """
+    try:
+        odds: Floats = np.asarray(weights, np.float64)
+    except (TypeError, ValueError):
+        odds = np.zeros(0)
+    is_sound = odds.shape == (scenarios,) and bool(np.isfinite(odds).all() and odds.min() >= 0.0)
+    if not is_sound or not odds.sum() > 0.0:
+        raise ScenarioError(
+            f"weights {weights!r}: give one for each of the {scenarios} scenarios, none below zero "
+            "and one above"
+        )
+    summed: Floats = np.cumsum(odds / odds.sum())
+    summed[-1] = 1.0
+    return summed
 
 
 def _line_up(grid: tuple[int, ...], world: World, buffers: Buffers, templates: Any) -> None:
@@ -136,7 +164,7 @@ def _line_up(grid: tuple[int, ...], world: World, buffers: Buffers, templates: A
         buffers.settings[name] = 0
 
 
-def _fix(name: str, value: float, buffers: Buffers) -> None:
+def _fix(name: str, value: Any, buffers: Buffers) -> None:
     if name not in FACTORS:
         raise ScenarioError(f"gap {name!r} is unknown; choose of {', '.join(FACTORS)}")
     factor, row = FACTORS[name], list(FACTORS).index(name)
@@ -144,9 +172,6 @@ def _fix(name: str, value: float, buffers: Buffers) -> None:
     if factor.is_whole:
         # Rings have room for what the task's own range asks for.
         most = float(buffers.gap[row, 1])
-    if not factor.least <= value <= most:
-        raise ScenarioError(
-            f"gap {name} = {value:g}: choose {factor.least:g} to {most:g}"
-            + (", the most that the task's own gap draws" if factor.is_whole else "")
-        )
+    limit = ", the most that the task's own gap draws" if factor.is_whole else ""
+    check_number(f"gap {name}", value, factor.least, most, limit)
     buffers.gap[row] = round(value) if factor.is_whole else value

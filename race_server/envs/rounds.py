@@ -13,12 +13,18 @@ SEED_SHIFT = 1  # a seed of 63 bits is never negative
 
 @kernel
 def next_round(buffers: Buffers, w: int) -> int:
-    """Count one world's next round, draw its scenario and return the scenario's number."""
+    """Count one world's next round, draw its scenario and return the scenario's number.
+
+    The ranges of the reality gap are now those of the round, for all episodes that begin in it.
+    """
     turn = buffers.rounds[w]
     turn.number += 1
     turn.steps = 0
     turn.entries = 0
     turn.scenario = _draw_scenario(buffers, turn.seed, turn.number)
+    for factor in range(buffers.gap.shape[0]):
+        for bound in range(2):
+            buffers.round_gap[w, factor, bound] = buffers.gap[factor, bound]
     return turn.scenario
 
 
@@ -78,4 +84,4 @@ def begin_episode(world: World, buffers: Buffers, w: int, k: int, is_absent: boo
         for index in range(4):
             buffers.delayed[w, k, late, index] = 0.0
     seed, vehicle = buffers.rounds[w].seed, world.vehicles[w, k]
-    draw_gap(seed, episode.number, k, buffers.gap, buffers.draws[w, k], vehicle)
+    draw_gap(seed, episode.number, k, buffers.round_gap[w], buffers.draws[w, k], vehicle)

@@ -25,7 +25,8 @@ from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
 
-MAGIC, VERSION = b"RSST", 2  # 2: told apart by all that decides what numbers in it mean
+# 2: told apart by all that decides what numbers in it mean; 3: with the gap of each round.
+MAGIC, VERSION = b"RSST", 3
 HEADER = struct.Struct("<4sHHI16s")
 ALIGNED = 16  # bytes
 

@@ -10,9 +10,11 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from race_server.envs.batch import Batch, Curriculum
 from race_server.envs.global_state import own_states
+from race_server.envs.round_options import RoundOptions
 from race_server.envs.spaces import action_space, masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.envs.vector import after_an_episode
+from race_server.errors import ScenarioError
 
 Array = NDArray[Any]
 
@@ -62,11 +64,39 @@ class KartVecEnv(VecEnv):
         self._begun = time.monotonic()
 
     def reset(self) -> Array:
-        """Begin new races and return what all karts see, shape (n, size)."""
+        """Begin new races and return what all karts see, shape (n, size).
+
+        Options are those of `set_options`, as for `Batch.reset`; karts of a race share them.
+
+        Raises:
+            ScenarioError: the task has not what they ask for, or karts of one race ask for two
+                things.
+        """
+        asked = self._asked_of_worlds()
         self._ask([])
-        self.batch.reset(self._seeds[0])
+        first = self._seeds[0]
+        if all(each == asked[0] for each in asked):
+            self.batch.reset(first, self._options[0])
+        else:
+            for w in range(self.batch.worlds):
+                seeds = None if first is None else [first + w]
+                self.batch.reset(seeds, self._options[w * self.batch.learners], [w])
         self._reset_seeds()
+        self._reset_options()
         return self._seen()
+
+    def _asked_of_worlds(self) -> list[RoundOptions]:
+        """Return what `set_options` asked of each race."""
+        learners, asked = self.batch.learners, [RoundOptions.of(each) for each in self._options]
+        if len(asked) != self.num_envs:
+            raise ScenarioError(f"options of {len(asked)} karts for {self.num_envs}: give as many")
+        for number, each in enumerate(asked):
+            if each != asked[number - number % learners]:
+                raise ScenarioError(
+                    f"options of kart {number} are others than those of kart "
+                    f"{number - number % learners}, which is in the same race: give the same"
+                )
+        return asked[::learners]
 
     def change(self, task: Task, seed: int) -> None:
         """Race another task with as many learning karts from now on; `reset` comes next.

@@ -5,7 +5,6 @@ worth, when an episode is over. Racing is one, see `race_server.envs.racing`; an
 package beside it.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
@@ -18,7 +17,8 @@ from race_server.envs.buffers import Buffers, Figures, Templates
 from race_server.envs.called_opponent import CalledOpponent
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
-from race_server.scenario.race import Scenario
+from race_server.scenario.checked import check_number, check_whole
+from race_server.scenario.race import MOST_KARTS, Scenario
 
 # Takes the world, the buffers of the batch, and the templates of the discipline.
 Kernel = Callable[[World, Buffers, Any], None]
@@ -102,20 +102,25 @@ class Task:
         """Take lists for tuples, as files and people write them.
 
         Raises:
-            ScenarioError: a number makes no episodes.
+            ScenarioError: a setting is of another kind, or a number makes no episodes.
         """
         for name in ("scenarios", "opponents", "observation"):
             value = getattr(self, name)
             if not isinstance(value, str):
                 object.__setattr__(self, name, tuple(value))
-        for name, least in (("decision_ticks", 1), ("most_steps", 0)):
-            value = getattr(self, name)
-            if value < least:
-                raise ScenarioError(f"{name} = {value}: choose {least} at least")
+        if isinstance(self.opponents, str):
+            raise ScenarioError(
+                f"opponents = {self.opponents!r}: give a list of drivers, [{self.opponents!r}]"
+            )
+        if not isinstance(self.gap, RealityGap):
+            raise ScenarioError(f"gap = {self.gap!r}: give a RealityGap")
+        if not isinstance(self.reward, str | Mapping):
+            raise ScenarioError(f"reward = {self.reward!r}: give the name of a table, or weights")
+        for name, least in (("decision_ticks", 1), ("most_steps", 0), ("learners", 0)):
+            check_whole(name, getattr(self, name), least)
         weights = {} if isinstance(self.reward, str) else self.reward
         for term, weight in weights.items():
-            if not math.isfinite(weight):
-                raise ScenarioError(f"reward {term} = {weight}: give a number")
+            check_number(f"reward {term}", weight)
 
     def with_options(self, **options: Any) -> "Task":
         """Return the task with other options: its own, or those of its discipline."""
@@ -148,6 +153,7 @@ class Task:
             ScenarioError: none, or the others have no driver.
         """
         karts = self.scenarios[0].karts
+        check_whole("karts", karts, 1, MOST_KARTS)
         if self.learners:
             learners = self.learners
         else:

@@ -8,6 +8,7 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.clock import ticks_of
 from race_server.core.level import Level
+from race_server.core.rules import edition
 from race_server.core.rules.items import item_table
 from race_server.core.stages.grid import line_up
 from race_server.core.stages.lot_draw import draw_lot
@@ -22,6 +23,7 @@ from race_server.core.state import (
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import Vehicle, vehicle_record
 from race_server.errors import ScenarioError
+from race_server.scenario.checked import check_whole
 from race_server.scenario.level import level_named
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
 from race_server.scenario.track.course import Course
@@ -64,6 +66,7 @@ class Rules:
     rescue_penalty_s: float = 5.0
     finish_limit_s: float = 100.0  # after the winner
     limit_s: float = 900.0
+    edition: int = edition.NEWEST  # of the rule book as code, see `core/rules/edition.py`
 
 
 @dataclass(frozen=True)
@@ -170,8 +173,7 @@ def make_worlds(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> World:
 
 def _check(scenario: Scenario) -> None:
     karts, course, rules = scenario.karts, scenario.course, scenario.rules
-    if not 1 <= karts <= MOST_KARTS:
-        raise ScenarioError(f"{karts} karts: choose 1 to {MOST_KARTS}")
+    check_whole("karts", karts, 1, MOST_KARTS)
     if scenario.grid_order:
         karts = 1 + max(scenario.grid_order)  # places that are needed
     if karts > len(course.grid) and not is_lot(course):
@@ -218,6 +220,7 @@ def _set_rules(record: Record, scenario: Scenario, course: int) -> None:
     record.false_start_us = round(rules.false_start_penalty_s * 1e6)
     record.short_cut_us = round(rules.short_cut_penalty_s * 1e6)
     record.rescue_us = round(rules.rescue_penalty_s * 1e6)
+    record.edition = rules.edition
 
 
 def line_up_race(world: World, w: int, scenario: Scenario, seed: int) -> None:

@@ -1,8 +1,11 @@
 """Gates, laps and the clock, with numbers that can be checked in the head."""
 
+import math
+
 from hypothesis import given
 from hypothesis import strategies as st
 
+from race_server.core.kernels.course import nearest_sample
 from race_server.core.rules.laps import (
     Gate,
     count_gate,
@@ -11,6 +14,8 @@ from race_server.core.rules.laps import (
     microseconds,
     race_distance,
 )
+from race_server.scenario.race import Scenario, make_world
+from support.courses import SMALL_RING
 
 
 def test_a_kart_that_crosses_the_next_gate_waits_for_the_one_after() -> None:
@@ -59,3 +64,8 @@ def test_a_line_a_quarter_of_the_way_is_crossed_after_a_quarter_of_the_tick() ->
 
 def test_distance_beyond_a_missed_gate_does_not_rank() -> None:
     assert race_distance(130.0, 1, 20.0, 100.0) == 120.0
+
+
+def test_the_search_for_a_place_that_is_no_number_ends_where_it_began() -> None:
+    route = make_world(Scenario(SMALL_RING, karts=1)).route
+    assert nearest_sample(route, route.courses[0], math.nan, math.nan, 3) == 3

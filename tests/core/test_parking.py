@@ -151,7 +151,7 @@ def test_30_m_from_the_slot_report_a_ends_the_round() -> None:
 
 def test_after_its_time_a_round_is_over() -> None:
     world = park_world(one_slot(), limit_s=2.0)
-    wait(world, 120)
+    wait(world, 119)
     assert status(world) is Status.RACING
     wait(world, 1)
     assert world.racers["retired_for"][0, 0] == Retirement.TIME_OUT

@@ -52,6 +52,17 @@ def test_the_number_of_cycles_is_kept() -> None:
     max_cycles_test(Module)
 
 
+def test_agents_that_are_cut_off_have_figures_of_their_episodes() -> None:
+    race = KartRace(ring_task(2), max_cycles=5)
+    race.reset(seed=1)
+    total = 0.0
+    while race.agents:
+        total += race.step(dict.fromkeys(race.agents, np.float32([1.0, 0.0, 0.0])))[1]["kart_0"]
+    assert total > 0.0
+    assert race.episode_of("kart_0")["r"] == pytest.approx(total, rel=1e-6)
+    assert [race.episode_of(agent)["l"] for agent in race.possible_agents] == [5, 5]
+
+
 @pytest.mark.usefixtures("headless")
 def test_the_environment_renders_as_pettingzoo_wants() -> None:
     pytest.importorskip("pygame")

@@ -66,8 +66,7 @@ def test_a_kart_that_reverses_meets_the_wall_behind_it() -> None:
 def test_time_that_runs_out_is_a_cut_unless_the_task_calls_it_an_end(late_ends: bool) -> None:
     batch = face_to_face(limit_s=2.0, reward={"late": -1.0}, late_ends=late_ends)
     assert drive(batch, STAND, 30) == -1.0
-    # The first tick after two seconds is too late: one decision more than the 20 before it.
-    assert batch.episode_of(0, 0)["l"] == 21
+    assert batch.episode_of(0, 0)["l"] == 20
     assert bool(batch.terminated[0, 0]) is late_ends
     assert bool(batch.truncated[0, 0]) is not late_ends
 
@@ -97,10 +96,10 @@ def test_unit_vectors_tell_neither_how_far_the_slot_is_nor_how_fast_a_kart_drive
 
 def test_a_minute_70_metres_away_costs_1_as_a_share_of_the_yard_and_70_in_metres() -> None:
     batch = face_to_face(reward="report_a_share", limit_s=6.0)
-    # It stands 5 m away until the time is up, which costs 1 besides, and is told a decision later.
-    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0 / 70.0 * 61.0 / 60.0)
+    # It stands 5 m away until the time is up, which costs 1 besides.
+    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0 / 70.0)
     batch = face_to_face(reward="report_a_distance", limit_s=6.0)
-    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0 * 61.0 / 60.0)
+    assert drive(batch, STAND, 100) == pytest.approx(-1.0 - 5.0)
 
 
 def test_worlds_of_a_batch_park_as_each_would_alone() -> None:
@@ -226,6 +225,17 @@ def test_with_a_trailer_every_reward_is_that_of_its_goals_and_both_headings_coun
     assert env.compute_reward(bent, there, {}) == -1.0
 
 
+def test_with_goals_a_jack_knife_costs_as_much_as_a_crash() -> None:
+    env = gymnasium.make(registration.PARK_TRAILER_GOAL).unwrapped
+    env.reset(seed=3)
+    is_over = False
+    while not is_over:
+        _, reward, is_over, is_cut, info = env.step(np.array([-1.0, 1.0], np.float32))
+        assert not is_cut
+    assert info["reward_terms"]["jack_knife"] == 1.0
+    assert (info["crashed"], reward) == (True, -1.0 + CRASH)
+
+
 def test_goals_of_a_level_that_judges_the_trailer_are_refused() -> None:
     with pytest.raises(ScenarioError, match="judges its last trailer; choose another"):
         gymnasium.make(registration.PARK_TRAILER_GOAL, level="dock")
@@ -269,12 +279,12 @@ def test_a_team_gets_the_mean_until_its_last_vehicle_is_done() -> None:
         if own.buffers.idle.all():
             break
         assert not (team.terminated | team.truncated).any()
-    # One had left, and was paid on for the rest of the 2 s, and a decision more.
-    assert ends[0] < ends[1] == 21
+    # One had left, and was paid on for the rest of the 2 s.
+    assert ends[0] < ends[1] == 20
     assert team.truncated[0].tolist() == [1, 1]  # time has cut the round off
     for k, ending in enumerate(("wall", "late")):
         episode = team.episode_of(0, k)
-        assert (episode["ending"], episode["l"]) == (ending, 21)
+        assert (episode["ending"], episode["l"]) == (ending, 20)
         assert episode["r"] == pytest.approx(total[k], abs=1e-4)
     team.step(np.zeros((1, 2, 2), np.float32))
     assert not team.rewards.any()
@@ -294,7 +304,7 @@ def test_a_team_keeps_to_pettingzoo() -> None:
 
 def test_a_round_of_several_begins_again_once_all_are_done() -> None:
     batch = Batch(parking_task("gate", vehicles=2, limit_s=1.0), after=REENTER)
-    for _ in range(22):  # a round takes 11 decisions
+    for _ in range(20):  # a round takes 10 decisions
         batch.step(np.array([[STAND, STAND]], np.float32))
         assert not batch.buffers.idle.any()  # both are late in the same decision
     assert batch.buffers.rounds["number"][0] == 3

@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import data_equivalence
 
 from race_server.envs import registration
 from race_server.envs.batch import Batch
+from race_server.envs.buffers import REENTER
 from race_server.envs.parallel import KartRace, env
 from race_server.envs.presets import task_on
 from race_server.envs.saved_state import HEADER
@@ -204,6 +205,22 @@ def test_a_reset_takes_a_course_a_grid_and_a_gap() -> None:
     assert set(batch.buffers.rounds["scenario"]) == {0, 1}
     assert batch.world.racers["grid_place"].tolist() == [[0, 1]] * 8
     assert batch.draws(0, 1)["mass"] == 1.0
+
+
+def test_a_gap_that_was_asked_for_holds_for_all_episodes_of_the_round() -> None:
+    task = ring_task(3, learners=2, opponents=("pure_pursuit",), most_steps=4)
+    batch = Batch(task, seed=1, after=REENTER)
+    batch.reset(seed=1, options={"gap": {"mass": 1.5}})
+    for _ in range(5):
+        batch.step(np.zeros((1, 2, 3)))
+    assert batch.buffers.episodes["number"][0].tolist() == [2, 2]
+    assert [batch.draws(0, kart)["mass"] for kart in range(2)] == [1.5, 1.5]
+    copied = copy.deepcopy(batch)
+    for _ in range(4):
+        copied.step(np.zeros((1, 2, 3)))
+    assert copied.draws(0, 0)["mass"] == 1.5
+    batch.reset()
+    assert batch.draws(0, 0)["mass"] == 1.0
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 from race_server.envs.presets import task_on
 from race_server.envs.single import OneKart
+from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
 from support.courses import SMALL_RING
 from support.tasks import FREE, ring_task
@@ -72,3 +73,33 @@ def test_a_curriculum_is_asked_when_episodes_begin_and_end() -> None:
         karts.step(np.zeros((20, 3), np.float32))
     assert asked == [(0, 0), (80, 20), (160, 20)]
     assert set(karts.batch.world.rules["laps"]) == {9}
+
+
+def test_options_are_those_of_the_next_reset() -> None:
+    karts = KartVecEnv(ring_task(2), worlds=2)
+    karts.set_options({"grid": [1, 0]})
+    karts.reset()
+    places = karts.batch.world.racers["grid_place"]
+    assert places.tolist() == [[1, 0], [1, 0]]
+    karts.reset()
+    assert places.tolist() == [[0, 1], [0, 1]]
+    karts.seed(4)
+    karts.set_options([{}, {}, {"grid": [1, 0]}, {"grid": [1, 0]}])
+    karts.reset()
+    assert places.tolist() == [[0, 1], [1, 0]]
+    assert karts.batch.buffers.rounds["seed"].tolist() == [4, 5]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"nonsense": 1}, "reset option 'nonsense' is unknown"),
+        ([{"grid": [1, 0]}, {}], "options of kart 1 are others than those of kart 0"),
+        ([{}], "options of 1 karts for 2"),
+    ],
+)
+def test_options_that_fit_no_race_are_refused(options: Any, words: str) -> None:
+    karts = KartVecEnv(ring_task(2))
+    karts.set_options(options)
+    with pytest.raises(ScenarioError, match=words):
+        karts.reset()

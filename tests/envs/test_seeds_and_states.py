@@ -1,5 +1,8 @@
 """Seeds of all sizes, resets without one, and saved states that mean something else elsewhere."""
 
+import copy
+import pickle
+
 import gymnasium
 import numpy as np
 import pytest
@@ -21,6 +24,16 @@ def test_environments_that_got_no_seed_begin_differently() -> None:
     assert not np.array_equal(*starts)
     races = [parallel_env(track="oval", karts=2, random_start=True).reset()[0] for _ in range(2)]
     assert not np.array_equal(races[0]["kart_0"], races[1]["kart_0"])
+
+
+def test_copies_of_an_environment_that_got_no_seed_begin_differently() -> None:
+    made = gymnasium.make("Kart/TimeTrial-v0", track="oval", random_start=True).unwrapped
+    packed = pickle.dumps(made)
+    copies = [copy.deepcopy(made), *(pickle.loads(packed) for _ in range(2))]
+    assert len({one.reset()[0].tobytes() for one in copies}) == 3
+    made.reset(seed=1)
+    followers = [copy.deepcopy(made), pickle.loads(pickle.dumps(made)), made]
+    assert len({one.reset()[0].tobytes() for one in followers}) == 1
 
 
 def test_with_a_seed_all_is_as_before_and_the_next_rounds_follow_from_it() -> None:
@@ -105,7 +118,7 @@ def test_numbers_that_make_no_episodes_are_refused() -> None:
             race_task("oval", **{name: value})
     task = time_trial_task("oval")
     for count in ({"worlds": 0}, {"threads": 0}, {"threads": -1}):
-        with pytest.raises(ScenarioError, match="choose one at least"):
+        with pytest.raises(ScenarioError, match="choose a whole number, 1 at least"):
             Batch(task, **count)
     batch = Batch(task)
     with pytest.raises(ScenarioError, match="choose of 0 to 0"):

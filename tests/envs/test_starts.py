@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from race_server.core import codes
 from race_server.envs.batch import Batch
-from race_server.envs.buffers import STAY
-from race_server.envs.presets import race_task, task_on
+from race_server.envs.buffers import REENTER, STAY
+from race_server.envs.presets import parking_task, race_task, task_on, time_trial_task
+from race_server.envs.single import OneKart
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.race import Scenario
 from race_server.scenario.track.reverse import reversed_course
@@ -27,6 +30,46 @@ def test_random_starts_are_on_the_track_and_apart() -> None:
 def test_random_starts_on_a_shipped_track_face_the_direction_of_travel() -> None:
     batch = Batch(race_task(random_start=True), worlds=20)
     assert (np.abs(batch.world.racers["heading_error"]) < 0.6).all()
+
+
+@pytest.mark.parametrize("after", [STAY, REENTER])
+def test_who_starts_at_a_random_place_has_missed_no_gate(after: int) -> None:
+    task = ring_task(4, random_start=True, learners=1, opponents=("pure_pursuit",))
+    batch = Batch(task, worlds=4, after=after)
+    if after == REENTER:
+        batch.world.bodies["status"][:, 1:] = codes.RETIRED
+    for _ in range(300):
+        batch.step(np.zeros((4, 1, 3)))
+    # In every world one has come to the line, if not all: the learning kart stands in the way.
+    assert batch.world.racers["started"][:, 1:].any(axis=1).all()
+    assert not batch.world.racers["penalties"].any()
+
+
+def test_who_started_at_a_random_place_misses_gates_behind_its_first_line() -> None:
+    batch = Batch(ring_task(1, random_start=True))
+    racer, gates = batch.world.racers[0, 0], SMALL_RING.gates
+    racer.next_gate, racer.started, racer.cutting, racer.zone = 1, 1, 0, 3
+    racer.progress = float(gates[4]) - 0.01
+    angle = float(gates[4]) / 6.0
+    body = batch.world.bodies[0, 0]
+    body.x, body.y, body.heading = 6 * np.cos(angle), 6 * np.sin(angle), angle + np.pi / 2
+    batch.step([[[0.0, 0.0, 0.0]]])
+    assert batch.world.racers["penalties"][0, 0] == 1
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        time_trial_task("covapsy-train-2023", observation=("heading", "speed")),
+        parking_task("dock-35", observation="lot_trailer"),
+        parking_task("yard-70", observation=("heading", "slot_heading")),
+    ],
+)
+def test_headings_are_seen_between_minus_and_plus_half_a_turn(task: Task) -> None:
+    kart = OneKart(task)
+    for seed in range(40):
+        seen, _ = kart.reset(seed=seed)
+        assert kart.observation_space.contains(seen)
 
 
 def test_a_share_of_the_rounds_begins_at_random_places() -> None:

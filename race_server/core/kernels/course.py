@@ -17,7 +17,7 @@ def nearest_sample(route: Route, course: Record, x: float, y: float, start: int)
         while True:
             following = (index + step) % count
             square = _square(route, first + following, x, y)
-            if square >= best:
+            if not square < best:  # nor where a place is none (NaN), which would never end
                 break
             index, best = following, square
     return index
@@ -63,7 +63,7 @@ def place_on_reference(route: Route, course: Record, x: float, y: float, start: 
         while True:
             following = (index + step) % count
             square = _square_to_reference(route, first + following, x, y)
-            if square >= best:
+            if not square < best:  # nor where a place is none (NaN), which would never end
                 break
             index, best = following, square
     point = route.reference[first + index]

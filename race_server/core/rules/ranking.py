@@ -11,9 +11,8 @@ def is_ahead(body: Record, racer: Record, other_body: Record, other: Record) -> 
 
     body, other_body: BODY; racer, other: RACER.
 
-    Finished karts first, by race time with penalties; then racing and retired karts by the
-    distance that counts, a retired kart behind a racing one at the same distance. Equal karts
-    keep the order of the better best lap, then of the start grid.
+    Finished karts first, by race time with penalties; then racing and retired karts alike by the
+    distance that counts. Equal karts keep the order of the better best lap, then of the start grid.
     """
     if (body.status == codes.FINISHED) != (other_body.status == codes.FINISHED):
         return bool(body.status == codes.FINISHED)

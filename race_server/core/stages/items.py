@@ -4,6 +4,7 @@ import math
 
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
+from race_server.core.rules import edition
 from race_server.core.rules.effects import add_effect, is_harmless
 from race_server.core.stages.events import report
 from race_server.core.state import EFFECTS, HAZARDS, Record, World
@@ -51,10 +52,15 @@ def use_items(world: World, w: int) -> None:
 def _use(world: World, w: int, k: int) -> None:
     """Use the item that a kart holds, if there is something to act on."""
     tick = world.races[w].tick
-    racer, player = world.racers[w, k], world.players[w, k]
+    player = world.players[w, k]
     number = player.held
     item = world.items[number]
-    if item.use == codes.ON_KART_AHEAD and racer.rank <= 1:
+    ahead, keeps = -1, False
+    if item.use == codes.ON_KART_AHEAD:
+        ahead = _kart_ahead(world, w, k)
+        is_first = world.rules[w].edition < edition.SECOND
+        keeps = world.racers[w, k].rank <= 1 if is_first else ahead < 0
+    if keeps:
         return  # there is no kart to act on: the item is kept
     player.held = 0
     player.items_used += 1
@@ -65,11 +71,24 @@ def _use(world: World, w: int, k: int) -> None:
         player.shield_until = tick + item.effect_ticks
     elif item.use == codes.PLACED:
         _place(world, w, k, number)
-    else:
-        for other in range(world.bodies.shape[1]):
-            target_body, target_racer = world.bodies[w, other], world.racers[w, other]
-            if target_racer.rank == racer.rank - 1 and target_body.status == codes.RACING:
-                hit(world, w, other, k, number)
+    elif ahead >= 0:
+        hit(world, w, ahead, k, number)
+
+
+@kernel
+def _kart_ahead(world: World, w: int, k: int) -> int:
+    """Return the kart that races on at the nearest place before that of a kart, -1 without one.
+
+    By the first edition of the rule book only the very next place counts.
+    """
+    own = world.racers[w, k].rank
+    best = 0 if world.rules[w].edition >= edition.SECOND else own - 2
+    found = -1
+    for other in range(world.bodies.shape[1]):
+        place = world.racers[w, other].rank
+        if world.bodies[w, other].status == codes.RACING and best < place < own:
+            found, best = other, place
+    return found
 
 
 @kernel

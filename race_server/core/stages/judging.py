@@ -6,6 +6,7 @@ from race_server.core import codes
 from race_server.core.kernels.boxes import hull_of
 from race_server.core.kernels.contacts import Material
 from race_server.core.kernels.jit import kernel
+from race_server.core.rules import edition
 from race_server.core.rules.conduct import is_new_touch, is_ramming
 from race_server.core.stages.blocks import Standing
 from race_server.core.stages.contacts import Blow, is_blow, next_body_blow
@@ -58,7 +59,10 @@ def _judge_contact(world: World, w: int, blow: Blow) -> None:
     """Count a contact of two karts and warn one that rammed; retire both where the rules say so."""
     rules, tick = world.rules[w], world.races[w].tick
     a, b = world.racers[w, blow.first], world.racers[w, blow.second]
-    if blow.closing > TOUCH_SPEED and is_new_touch(tick, a.contact_kart_tick, a.contacts):
+    is_new = is_new_touch(tick, a.contact_kart_tick, a.contacts)
+    if rules.edition >= edition.SECOND and is_new_touch(tick, b.contact_kart_tick, b.contacts):
+        is_new = True  # of two karts either may have touched a third one a moment ago
+    if blow.closing > TOUCH_SPEED and is_new:
         a.contact_kart_tick = tick
         b.contact_kart_tick = tick
         a.contacts += 1

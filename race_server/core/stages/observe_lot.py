@@ -23,7 +23,7 @@ def fill_lot(world: World, w: int, k: int, frame: KartFrame, offsets: Ints, out:
     across = body.speed * sin + body.lateral_speed * cos
     put(out, offsets[part.POSITION_X], 0, x)
     put(out, offsets[part.POSITION_Y], 0, y)
-    put(out, offsets[part.HEADING], 0, body.heading)
+    put(out, offsets[part.HEADING], 0, wrap_angle(body.heading))
     put(out, offsets[part.HEADING_COS], 0, cos)
     put(out, offsets[part.HEADING_SIN], 0, sin)
     put(out, offsets[part.VELOCITY_X], 0, along)
@@ -101,7 +101,7 @@ def _fill_slot(
     put(out, offsets[part.GEAR], 0, parker.gear)
     put(out, offsets[part.SLOT_X], 0, x)
     put(out, offsets[part.SLOT_Y], 0, y)
-    put(out, offsets[part.SLOT_HEADING], 0, parker.heading)
+    put(out, offsets[part.SLOT_HEADING], 0, wrap_angle(parker.heading))
     put(out, offsets[part.TO_SLOT_X], 0, dx)
     put(out, offsets[part.TO_SLOT_Y], 0, dy)
     _put_direction(out, offsets[part.SLOT_UNIT], x, y)

@@ -2,6 +2,7 @@
 
 from race_server.core import codes
 from race_server.core.kernels.jit import kernel
+from race_server.core.rules import edition
 from race_server.core.rules.laps import race_distance
 from race_server.core.rules.ranking import is_ahead
 from race_server.core.stages.events import report, retire
@@ -53,7 +54,10 @@ def close_race(world: World, w: int) -> None:
     race, rules = world.races[w], world.rules[w]
     if race.over != 0:
         return
-    late = rules.limit_ticks > 0 and race.tick - race.start_tick >= rules.limit_ticks
+    elapsed = race.tick - race.start_tick
+    if rules.edition >= edition.SECOND:
+        elapsed += 1  # with the tick that is being stepped
+    late = rules.limit_ticks > 0 and elapsed >= rules.limit_ticks
     if race.winner_tick > 0 and rules.finish_limit_ticks > 0:
         late = late or race.tick - race.winner_tick >= rules.finish_limit_ticks
     racing = 0

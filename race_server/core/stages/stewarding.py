@@ -6,6 +6,7 @@ from race_server.core import codes
 from race_server.core.kernels.geometry import wrap_angle
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.trailers import straighten
+from race_server.core.rules import edition
 from race_server.core.rules.conduct import is_in_the_way
 from race_server.core.stages.clearance import is_clear
 from race_server.core.stages.events import penalise, report, retire
@@ -72,6 +73,8 @@ def _watch_limits(world: World, w: int, k: int) -> None:
         racer.off_track = off
         racer.lap_clean = 0
         report(world, w, codes.EVENT_OFF_TRACK, k, -1, off)
+    if off and world.rules[w].edition >= edition.SECOND:
+        racer.lap_clean = 0  # nor is the next lap, where it crosses the line so
 
 
 @kernel

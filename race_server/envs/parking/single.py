@@ -12,6 +12,8 @@ from race_server.envs.task import Task
 from race_server.envs.vector import KartVectorEnv, split_options, vector_of
 
 Goals = dict[str, NDArray[Any]]
+# Terms of the ends that cost as a crash does: an early end must not be better than to drive on.
+CRASHES = ("crash", "jack_knife", "left")
 
 
 class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
@@ -45,7 +47,7 @@ class ParkGoal(gymnasium.Env[Any, NDArray[Any]]):
     def step(self, action: Any) -> tuple[Goals, float, bool, bool, dict[str, Any]]:
         """Move the vehicle on by one decision."""
         seen, _, is_over, is_cut, info = self.kart.step(action)
-        info["crashed"] = bool(info["reward_terms"]["crash"])
+        info["crashed"] = any(info["reward_terms"][name] for name in CRASHES)
         split = self.view.split(seen)
         reward = self.compute_reward(split["achieved_goal"], split["desired_goal"], info)
         return split, float(reward), is_over, is_cut, info

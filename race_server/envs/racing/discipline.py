@@ -15,6 +15,7 @@ from race_server.envs.racing.reset import RaceTemplates
 from race_server.envs.racing.reward_terms import REWARDS, TERMS
 from race_server.envs.racing.starts import start_tables
 from race_server.envs.task import Kernel, Task
+from race_server.scenario.checked import check_number
 from race_server.scenario.race import Scenario, make_worlds
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.reverse import reversed_course
@@ -46,6 +47,15 @@ class Racing:
     rewards: ClassVar[Mapping[str, Mapping[str, float]]] = REWARDS
     figures: ClassVar[Figures] = Figures(BEFORE, EPISODE)
     outcome: ClassVar[str] = "lap_times"
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            ScenarioError: one is no share, or no length.
+        """
+        check_number("random_start", self.random_start, 0.0, 1.0)
+        check_number("crash_range", self.crash_range, 0.0)
 
     @property
     def settings(self) -> Mapping[str, float]:

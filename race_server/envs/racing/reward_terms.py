@@ -19,7 +19,8 @@ TERMS: Mapping[str, str] = MappingProxyType(
     {
         "progress": "distance gained along the centre line [m]",
         "speed": "forward speed [m/s]",
-        "range": "nearest lidar range [m]",
+        "range": "nearest lidar range [m]; only measured where it or `report_b` has a weight, or "
+        "`crash_range` is set",
         "crash": "1 if the kart crashed and is out",
         "contact": "contacts with other karts that began",
         "wall": "contacts with walls that began",

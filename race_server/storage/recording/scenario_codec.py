@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from race_server.core.level import Level
+from race_server.core.rules import edition
 from race_server.core.vehicles import vehicle_in
 from race_server.errors import RecordingError
 from race_server.scenario.race import Occasion, Rules, Scenario
@@ -107,7 +108,7 @@ def unpack_scenario(setting: str, packed: bytes) -> Scenario:
             course=whole,
             karts=words["karts"],
             vehicles=tuple(map(vehicle_in, words["vehicles"])),
-            rules=Rules(**words["rules"]),
+            rules=Rules(**{"edition": edition.FIRST, **words["rules"]}),
             lidar=Lidar(**words["lidar"]),
             radar=Radar(**words["radar"]),
             fitted=tuple(words["fitted"]),

@@ -19,8 +19,6 @@ from race_server.storage.results.store import FINISHED, STOPPED, Correction, Ent
 from race_server.storage.results.writer import Writer
 from race_server.version import __version__
 
-# The rule book as code; raise it when the same settings come to mean another race.
-RULE_BOOK = 1
 # The end of a race waits no longer than this for the file.
 HOLD_S = 3.0
 
@@ -108,9 +106,10 @@ def _entry_of(session: Session, seat: Seat) -> Entry:
 
 def rules_version(rules: Rules) -> str:
     """Return what two races must share to have been driven by the same rules, but for the laps."""
-    settings = {name: value for name, value in asdict(rules).items() if name != "laps"}
+    apart = ("laps", "edition")
+    settings = {name: value for name, value in asdict(rules).items() if name not in apart}
     text = json.dumps(settings, sort_keys=True)
-    return f"{RULE_BOOK}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return f"{rules.edition}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 @cache

@@ -19,7 +19,7 @@ class Use(IntEnum):
     ON_SELF = codes.ON_SELF  # the effect acts on the user
     PLACED = codes.PLACED  # a hazard is left behind; its effect acts on each kart that touches it
     GUARD = codes.GUARD  # the next hits within the effect's time are taken without harm
-    ON_KART_AHEAD = codes.ON_KART_AHEAD  # the effect acts on the kart one place ahead
+    ON_KART_AHEAD = codes.ON_KART_AHEAD  # the effect acts on the next kart ahead that races on
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Pulse: slows the kart one place ahead, wherever it is."""
+"""Pulse: slows the next kart ahead that races on, wherever it is."""
 
 from race_server.core.rules.items.item import Item, Use
 
