@@ -1,5 +1,6 @@
 """Follows the kart ahead by the Intelligent Driver Model, and overtakes when it gains by that."""
 
+from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.tactics import SPEED
@@ -20,6 +21,7 @@ GAIN = 0.3
 def follow(cockpit: Cockpit) -> None:
     """Follow the line behind a slower kart, or in a lane past it."""
     memory = cockpit.memory
+    take_care(cockpit)
     watch_slip(cockpit)
     look_ahead(cockpit)
     wanted = lane_to_gain(cockpit, memory[SHIFT])

@@ -15,7 +15,7 @@ from race_agents.drivers.raceline import Raceline
 from race_agents.planning.charted_course import Chart, ask_chart
 from race_agents.planning.drive_survey import CELL, PATIENCE, STILL
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning
-from race_agents.planning.line_view import LineView
+from race_agents.planning.line_view import LAYOUT, LineView
 from race_agents.planning.wall_map import Scan, WallMap, compose, read_scan
 from race_agents.planning.wayfinder import Wayfinder, places_along
 from race_server.core.clock import TICK_S
@@ -46,6 +46,7 @@ class Mapper:
         self._reactive, self._tracker = FollowGap(), Raceline()
         self._reactive.reset(briefing)
         self._tracker.reset(briefing)
+        self._tracker.prepare(LAYOUT)  # in the race there is no time to compile
         self._cell = CELL * briefing.vehicle.width
         self._tick = -1
         self._motion = STILL

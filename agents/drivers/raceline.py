@@ -1,5 +1,6 @@
 """Drives the reference line at its speeds and passes slower karts where there is room."""
 
+from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.tactics import SPEED
@@ -15,6 +16,7 @@ from race_server.core.vehicle_presets import KARTS, TENTH
 def race(cockpit: Cockpit) -> None:
     """Follow the line, or a lane beside it that passes a slower kart."""
     memory = cockpit.memory
+    take_care(cockpit)
     watch_slip(cockpit)
     look_ahead(cockpit)
     wanted = open_lane(cockpit, memory[SHIFT])

@@ -100,6 +100,7 @@ class LineView:
         cos, sin = math.cos(line.heading[here]), math.sin(line.heading[here])
         along = away[here, 0] * cos + away[here, 1] * sin
         bearing = heading - line.heading[here] - along * line.curvature[here]
+        values[slices["progress"]] = max(here * line.spacing + along, 0.0)
         values[slices["line_offset"]] = away[here, 1] * cos - away[here, 0] * sin
         values[slices["line_heading"]] = (bearing + math.pi) % (2.0 * math.pi) - math.pi
         values[slices["line_step"]] = step

@@ -141,7 +141,7 @@ class KernelDriver:
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
-        cockpit = self._cockpit or self._prepare(observation.layout)
+        cockpit = self._cockpit or self.prepare(observation.layout)
         cockpit.setup[DECISION] = self._elapsed_s(observation.tick)
         values: Any = observation.values
         cockpit.observation[:] = values.tolist() if INTERPRET else values
@@ -151,7 +151,7 @@ class KernelDriver:
 
     def take_advice(self, observation: Observation, advice: Sequence[float]) -> None:
         """Keep advice for the next decision: six numbers, see ASIDE."""
-        cockpit = self._cockpit or self._prepare(observation.layout)
+        cockpit = self._cockpit or self.prepare(observation.layout)
         for place, value in zip(range(ASIDE, FETCH + 1), advice, strict=True):
             cockpit.memory[place] = value
 
@@ -165,7 +165,8 @@ class KernelDriver:
         elapsed = (tick - last) * TICK_S
         return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
-    def _prepare(self, layout: Layout) -> Cockpit:
+    def prepare(self, layout: Layout) -> Cockpit:
+        """Compile what decides, if it is not; the first decision does so by itself."""
         self._cockpit = cockpit = cockpit_for(self._briefing, layout)
         self._drive = bind(type(self).decide, cockpit)
         return cockpit

@@ -27,7 +27,7 @@ from race_server.scenario.track.load import load_course
 from race_server.session.lap_log import LapLog
 
 # Time limit to load a driver and for its first decision [s]: networks load, kernels compile.
-START_LIMIT_S = 120.0
+START_LIMIT_S = 300.0
 # Interval at which a run reports to the pool that it is alive [s].
 HEARTBEAT_S = 0.2
 

@@ -1,0 +1,107 @@
+"""What a driver on the line remembers of the course: where it came too near to a border.
+
+No model says all that a kart does at its limit. Where it came that near by itself, it is slower on
+the way there from then on, and slower still where it does so again.
+"""
+
+import math
+
+from race_agents.planning.tactics import KARTS_X, SPEED
+from race_agents.planning.tracking import HEADING
+from race_agents.planning.traffic import KARTS_Y, LEFT, LIGHTS, OFFSET, RIGHT, STEP
+from race_agents.planning.tyre_slip import GRIP_SCALE
+from race_server.core.kernel_driver import KEPT, Cockpit
+from race_server.core.kernels.jit import kernel, large_kernel
+from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS
+
+PROGRESS = PART_NUMBERS["progress"]
+LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
+
+# Stretches of the course, each so many lengths of the vehicle; a longer course begins again with
+# the first. Drivers on the line keep no scan: they have that place in their memory for it.
+STRETCHES, STRETCH_LENGTHS = 128, 4.0
+LESS = KEPT
+# Whether the kart was too near at the last decision, and the longest progress seen [m].
+WAS_NEAR, LONGEST = KEPT + STRETCHES, KEPT + STRETCHES + 1
+
+# Nearer to a border than this [body widths] is too near.
+NEAR = 0.05
+# By which share of its speed a kart is slower from then on, at most; and on which way: that of
+# these seconds before.
+LESS_SPEED, MOST_LESS, BEFORE_S = 0.03, 0.12, 1.2
+# A kart within this many lengths may have pushed it; one that is slower than this [m/s], or whose
+# tyres have less than this share of their grip, has other troubles.
+PUSHED_LENGTHS, MOVING, GRIPPING = 2.5, 1.0, 0.99
+
+
+@large_kernel
+def take_care(cockpit: Cockpit) -> None:
+    """Make the line slower where it was left, and remember where the kart is too near now."""
+    observation, offsets, memory = cockpit.observation, cockpit.offsets, cockpit.memory
+    progress = observation[offsets[PROGRESS]]
+    memory[LONGEST] = max(memory[LONGEST], progress)
+    near = border_distance(cockpit) < NEAR * cockpit.vehicle.width and drives_alone(cockpit)
+    if near and memory[WAS_NEAR] == 0.0:
+        remember(cockpit, progress)
+    memory[WAS_NEAR] = 1.0 if near else 0.0
+    for index in range(AHEAD):
+        less = less_speed(cockpit, progress + index * observation[offsets[STEP]])
+        observation[offsets[LINE_SPEED] + index] *= 1.0 - less
+
+
+@kernel
+def border_distance(cockpit: Cockpit) -> float:
+    """Return the room [m] between the body and the nearer border beside it."""
+    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    inward = math.sin(observation[offsets[HEADING]])
+    nose, tail = 0.5 * vehicle.length + vehicle.box_offset, 0.5 * vehicle.length
+    offset, half = observation[offsets[OFFSET]], 0.5 * vehicle.width
+    left = observation[offsets[LEFT]] - offset - half - max(nose * inward, -tail * inward)
+    right = observation[offsets[RIGHT]] + offset - half - max(tail * inward, -nose * inward)
+    return min(left, right)
+
+
+@kernel
+def drives_alone(cockpit: Cockpit) -> bool:
+    """Return whether a kart moves on all of its grip and no other one can have pushed it."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    if observation[offsets[LIGHTS]] > 0.0 or observation[offsets[SPEED]] < MOVING:
+        return False
+    if observation[offsets[GRIP_SCALE]] < GRIPPING:
+        return False
+    for index in range(NEARBY):
+        away = math.hypot(
+            observation[offsets[KARTS_X] + index], observation[offsets[KARTS_Y] + index]
+        )
+        if away < PUSHED_LENGTHS * cockpit.vehicle.length:
+            return False
+    return True
+
+
+@kernel
+def remember(cockpit: Cockpit, progress: float) -> None:
+    """Be slower from now on along the way to a place. progress: of that place [m]."""
+    memory, stretch = cockpit.memory, STRETCH_LENGTHS * cockpit.vehicle.length
+    way = BEFORE_S * cockpit.observation[cockpit.offsets[SPEED]]
+    for back in range(min(int(way / stretch) + 2, STRETCHES)):
+        place = LESS + stretch_at(cockpit, progress - back * stretch)
+        memory[place] = min(memory[place] + LESS_SPEED, MOST_LESS)
+
+
+@kernel
+def stretch_at(cockpit: Cockpit, progress: float) -> int:
+    """Return the number of the stretch at a progress [m], which may be of the lap before or after."""
+    longest, stretch = cockpit.memory[LONGEST], STRETCH_LENGTHS * cockpit.vehicle.length
+    if longest > 0.0:
+        progress %= longest + stretch * 1e-3
+    return int(max(progress, 0.0) / stretch) % STRETCHES
+
+
+@kernel
+def less_speed(cockpit: Cockpit, progress: float) -> float:
+    """Return the share of its speed by which the kart is slower at a progress [m]."""
+    stretch = STRETCH_LENGTHS * cockpit.vehicle.length
+    here = cockpit.memory[LESS + stretch_at(cockpit, progress)]
+    after = cockpit.memory[LESS + stretch_at(cockpit, progress + stretch)]
+    share = progress / stretch - math.floor(progress / stretch)
+    return here + share * (after - here)
