@@ -17,8 +17,8 @@ from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS
 PROGRESS = PART_NUMBERS["progress"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
 
-# Stretches of the course, each so many lengths of the vehicle; a longer course begins again with
-# the first. Drivers on the line keep no scan: they have that place in their memory for it.
+# Stretches of the course, and how many lengths of the vehicle each has. A longer course begins again
+# with the first. Drivers on the line keep no scan: its place in their memory is free.
 STRETCHES, STRETCH_LENGTHS = 128, 4.0
 LESS = KEPT
 # Whether the kart was too near at the last decision, and the longest progress seen [m].
