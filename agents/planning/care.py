@@ -17,8 +17,8 @@ from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS
 PROGRESS = PART_NUMBERS["progress"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
 
-# Stretches of the course, and how many lengths of the vehicle each has. A longer course begins again
-# with the first. Drivers on the line keep no scan: its place in their memory is free.
+# Stretches of the course, and how many lengths of the vehicle each has. A longer course begins
+# again with the first. Drivers on the line keep no scan: its place in their memory is free.
 STRETCHES, STRETCH_LENGTHS = 128, 4.0
 LESS = KEPT
 # Whether the kart was too near at the last decision, and the longest progress seen [m].
@@ -90,7 +90,7 @@ def remember(cockpit: Cockpit, progress: float) -> None:
 
 @kernel
 def stretch_at(cockpit: Cockpit, progress: float) -> int:
-    """Return the number of the stretch at a progress [m], which may be of the lap before or after."""
+    """Return the stretch at a progress [m], which may be of the lap before or after."""
     longest, stretch = cockpit.memory[LONGEST], STRETCH_LENGTHS * cockpit.vehicle.length
     if longest > 0.0:
         progress %= longest + stretch * 1e-3
