@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from race_agents.unit.limits import Limits
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Echoes
+from race_agents.unit.seen_motion import MOST_SPEED, SeenMotion
 from race_server.core import codes
 from race_server.core.messages import RayHit
 from race_server.core.telemetry import Sensor, SensorState
@@ -38,13 +39,8 @@ MOVES = 2.0
 ASKED, ASKED_S = 0.05, 0.5
 # Beyond any kart: turning rate [rad/s], acceleration [g], steering angle [rad], place [m].
 MOST_TURN, MOST_FELT, MOST_ANGLE, MOST_PLACE = 20.0, 100.0, 1.5, 1e6
-# Beyond any heading [rad], any speed of a receiver [m/s], any time of its clock [s].
-MOST_HEADING, MOST_SPEED, MOST_STAMP = 1e3, 200.0, 1e12
-# Borders tell the kart's own speed by this number of echoes at least, within this angle [rad] of
-# its nose, and that is known for this long [s].
-BORDERS, FRONT, SEEN_S = 4, 0.8, 0.6
-# Two fixes this long [s] apart tell how far the kart came, less this multiple of their deviation.
-APART_S, SURE = 0.5, 6.0
+# Beyond any heading [rad], any time of a receiver's clock [s].
+MOST_HEADING, MOST_STAMP = 1e3, 1e12
 # A kart without one of these cannot see people, and stands.
 EYES = (Sensor.RADAR,)
 # … and without one of these it does not know how it moves, and crawls.
@@ -75,12 +71,15 @@ class SensorWatch:
     """The state of all sensors of a kart."""
 
     vehicle: Vehicle
+    seen: SeenMotion = field(init=False)
     _lines: dict[Sensor, Line] = field(default_factory=lambda: {each: Line() for each in Sensor})
     _began_s: float | None = None
     _now_s: float = 0.0
     _believed_s: dict[Sensor, float] = field(default_factory=dict)
-    _seen: tuple[float, float] = (-math.inf, 0.0)  # when something told a speed, and it [m/s]
-    _place: tuple[float, float, float] | None = None  # when and where [m] the kart was by a fix
+
+    def __post_init__(self) -> None:
+        """Have seen no motion."""
+        self.seen = SeenMotion(Limits.of(self.vehicle).nose)
 
     def take(self, readings: Readings, speed: float, asked: float) -> Readings:
         """Return what of some readings can be used.
@@ -123,43 +122,11 @@ class SensorWatch:
         )
 
     def _moves(self, readings: Readings, speed: float) -> bool:
-        """Return whether the kart drives, by its estimate or by what needs no wheels.
-
-        An estimate follows wheels that tell a stand. Borders come nearer, and fixes go on.
-        """
+        """Return whether the kart drives, by its estimate or by what needs no wheels."""
         if abs(speed) > MOVES:
             return True
-        told = [
-            None if readings.echoes is None else self._speed_by_borders(readings.echoes),
-            None if readings.fix is None else self._speed_by_fixes(readings.fix),
-        ]
-        if known := [each for each in told if each is not None and abs(each) <= MOST_SPEED]:
-            self._seen = self._now_s, max(known)
-        at, seen = self._seen
-        is_fresh = 0.0 <= self._now_s - at <= SEEN_S
-        return is_fresh and seen > MOVES
-
-    def _speed_by_fixes(self, fix: Fix) -> float | None:
-        """Return the speed [m/s] that a fix tells, or else the way since an earlier one."""
-        if fix.speed is not None:
-            return fix.speed
-        now_s, was = self._now_s, self._place
-        if was is None or not 0.0 <= now_s - was[0] <= 2.0 * APART_S:
-            self._place = now_s, fix.x, fix.y
-            return None
-        if now_s - was[0] < APART_S:
-            return None
-        self._place = now_s, fix.x, fix.y
-        way = math.hypot(fix.x - was[1], fix.y - was[2]) - SURE * fix.deviation
-        return max(way, 0.0) / (now_s - was[0])
-
-    def _speed_by_borders(self, echoes: Echoes) -> float | None:
-        """Return the speed [m/s] at which borders come nearer, None where few are seen."""
-        ways = np.arctan2(echoes.y, echoes.x - Limits.of(self.vehicle).nose)
-        used = (echoes.kinds == codes.BORDER) & (np.abs(ways) < FRONT)
-        if np.count_nonzero(used) < BORDERS:
-            return None
-        return float(np.median(echoes.closing[used] / np.cos(ways[used])))
+        self.seen.take(readings)
+        return self.seen.speed(self._now_s) > MOVES
 
     def _number(self, sensor: Sensor, value: float, most: float, stuck_s: float | None) -> float:
         """Return a number of the bus, NaN where it cannot be used."""

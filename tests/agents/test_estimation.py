@@ -182,8 +182,43 @@ def test_what_gyro_and_accelerometer_say_at_rest_is_their_error() -> None:
         inertial.watch(0.0, 0.02, (felt[0], felt[1]), turn * STEP)
     assert inertial.rests
     assert inertial.bias == pytest.approx([0.4, -0.2], abs=0.1)
-    inertial.watch(1.0, 0.02, (0.4, -0.2), 2.0)
+    inertial.miss(2.0)
+    assert not inertial.rests  # nothing told so, for a moment
+    inertial.watch(0.0, 0.02, (0.4, -0.2), 2.02)
+    assert inertial.rests
+    inertial.miss(2.1)  # 0.08 s: it may have driven off meanwhile
+    inertial.watch(0.0, 0.02, (0.4, -0.2), 2.12)
     assert not inertial.rests
+    inertial.watch(1.0, 0.02, (0.4, -0.2), 2.14)
+    assert not inertial.rests
+
+
+def test_a_message_of_the_bus_that_is_missing_does_not_take_a_bend_for_a_jolt() -> None:
+    # 10 m/s, 0.6 rad/s: 6 m/s² across. Each tenth time nothing comes from wheels, gyro, steering.
+    speed, rate, none = 10.0, 0.6, math.nan
+    estimator = Estimator(
+        KART_60, Fix(KART_60.rear_axle, 0.0, 0.02, heading=0.0), 0.0, 0.0, compliance=0.0
+    )
+    estimator.filter.state[[SPEED, YAW_RATE]] = speed, rate
+    felt = -KART_60.rear_axle * rate**2, speed * rate
+    steering = math.atan(rate * KART_60.wheelbase / speed)
+    slides = []
+    for turn in range(1, 201):
+        told = (speed, rate, steering) if turn % 10 else (none, none, none)
+        estimator.sense(Readings(0.01 * turn, *told, felt))
+        slides.append(abs(float(estimator.state[motion.SLIDE])))
+    assert max(slides[50:]) < 0.05
+
+
+def test_a_gyro_that_speaks_again_tells_its_change_over_the_time_of_its_silence() -> None:
+    # From 0 to 0.5 rad/s within 0.1 s in which it was silent: 5 rad/s², and not 50 for a moment.
+    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.02), 0.0, 0.0)
+    for turn, rate in enumerate([0.0, *[math.nan] * 9, 0.5], start=1):
+        tick = estimator._tick(Readings(0.01 * turn, 5.0, rate, math.nan, (0.0, 0.0)), 0.0)
+        estimator._time_s = 0.01 * turn
+        assert tick.felt is not None
+        expected = -5.0 * KART_60.rear_axle if rate == 0.5 else 0.0
+        assert tick.felt[1] == pytest.approx(expected, abs=1e-9)
 
 
 def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
