@@ -10,7 +10,7 @@ REST_S = 0.5
 WHEELS, TURN, FELT = 0.15, 0.15, 1.5  # [m/s], [rad/s], [m/s²] about the mean
 # A bias that was measured for this long [s] at least is subtracted, and no more than this is kept.
 LEAST_S, MOST_S = 1.0, 20.0
-# Wheels or gyro that tell nothing for longer than this [s] may have missed that the kart drives off.
+# Wheels or gyro that are silent for longer [s] may have missed that the kart drives off.
 MISSES_S = 0.06
 # Larger ones [rad/s], [m/s²] are no bias: the kart is carried, or stands on a slope.
 MOST_TURN, MOST_FELT = 0.2, 1.0

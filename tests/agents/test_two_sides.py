@@ -64,6 +64,20 @@ def test_a_counter_that_stands_still_is_silence() -> None:
     assert fresh.since_s == 1.0
 
 
+def test_an_older_message_that_is_left_whole_is_no_new_one() -> None:
+    memory = bytearray(size_of(1))
+    box, fresh = Mailbox(memory, 1), Freshness()
+    for letter in (b"a", b"b"):
+        box.write(letter, 0.0)
+    assert fresh.note(box.read(), 1.0)
+    memory[box.place_of(2) + HEAD.size] ^= 0xFF  # the fourth is half written over the second
+    mail = box.read()
+    assert mail is not None
+    assert mail.data == b"a"
+    assert not fresh.note(mail, 2.0)
+    assert fresh.since_s == 1.0
+
+
 def test_words_and_reports_come_out_as_they_went_in() -> None:
     orders = GivenOrders(9.5, 0.5, 3, 70, 8, 0.25, 0.5, 1 << 40, 1.5, Flag.YELLOW, Trust.DOUBTFUL)
     word = Word(orders, 12.5, Control(0.25, -0.5, 0.125, Button.USE_ITEM), 7)
@@ -139,6 +153,17 @@ def test_a_side_that_nobody_talks_to_for_long_ends() -> None:
     side, _, now_s = driven_side()
     assert not side.is_alone(now_s + 5.0)
     assert side.is_alone(now_s + 11.0)
+
+
+def test_a_side_that_never_hears_a_word_ends_after_a_minute() -> None:
+    around = Surroundings(np.zeros((0, 4)))
+    plant = Plant.of(KART_60, around, (0.0, 0.0, 0.0), Sensors(), 1)
+    unit = ControlUnit.of(KART_60, OpenPlace())
+    side = SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size())))
+    assert not side.is_alone(1000.0)  # it has not turned yet
+    side.turn(1000.0)
+    assert not side.is_alone(1059.0)
+    assert side.is_alone(1061.0)
 
 
 def test_the_safety_process_of_a_plant_imports_no_network() -> None:
