@@ -35,7 +35,8 @@ SILENT_S = {
 STUCK_S = 0.25
 # From this speed [m/s] on no sensor's noise is small enough to repeat itself.
 MOVES = 2.0
-# A steering angle may stand still; but not while more than this [rad] is asked for, this long [s].
+# A steering angle may stand still, but not once one that differs by more than this [rad] has been
+# asked for during this time [s].
 ASKED, ASKED_S = 0.05, 0.5
 # Beyond any kart: turning rate [rad/s], acceleration [g], steering angle [rad], place [m].
 MOST_TURN, MOST_FELT, MOST_ANGLE, MOST_PLACE = 20.0, 100.0, 1.5, 1e6
@@ -94,6 +95,8 @@ class SensorWatch:
         self._believed_s = {each: min(at, now_s) for each, at in self._believed_s.items()}
         moves = STUCK_S if self._moves(readings, speed) else None
         lags = ASKED_S if abs(readings.steering - asked) > ASKED else None
+        if lags is None:  # it stood still rightly until now
+            self._lines[Sensor.STEERING].since_s = now_s
         felt = readings.acceleration
         if felt is not None and not _are_within(felt, MOST_FELT * GRAVITY):
             felt = None

@@ -67,6 +67,23 @@ def test_a_sensor_that_fails_is_found_and_no_other(
     assert watch.is_lame == (sensor in {Sensor.WHEELS, Sensor.GYRO, Sensor.ACCELEROMETER})
 
 
+def test_an_angle_that_stood_still_on_a_straight_is_stuck_half_a_second_after_another_is_asked() -> (
+    None
+):
+    # Straight on for 2 s, to the last digit; then 0.1 rad is asked for, and nothing moves.
+    watch, shown = SensorWatch(KART_60), []
+    for turn in range(200):
+        asked = 0.1 if turn >= 100 else 0.0
+        watch.take(replace(readings_at(turn), steering=0.0), 10.0, asked)
+        if watch.state(Sensor.STEERING) is STUCK:
+            shown.append(0.02 * turn - 2.0)
+    assert shown[0] == pytest.approx(0.5, abs=0.021)
+    assert watch.is_lame
+    # One that moves at last is well.
+    watch.take(replace(readings_at(200), steering=0.05), 10.0, 0.1)
+    assert watch.state(Sensor.STEERING) is WELL
+
+
 def test_an_empty_place_looks_the_same_again_and_a_kart_without_a_radar_is_blind() -> None:
     assert not watched(echoes=Echoes.nothing()).is_blind
     watch = SensorWatch(KART_60)
