@@ -122,6 +122,7 @@ class SensorWatch:
             echoes=self._echoes(readings.echoes, moves),
             beacons=beacons,
             ranges=ranges,
+            battery=_charge_of(readings.battery),
         )
 
     def _moves(self, readings: Readings, speed: float) -> bool:
@@ -223,6 +224,11 @@ def _sound_of(fix: Fix) -> Fix | None:
         if _are_within(stamps, MOST_STAMP)
         else replace(fix, stamp_s=None, stamp_deviation_s=0.0)
     )
+
+
+def _charge_of(battery: float | None) -> float | None:
+    """Return a charge within [0, 1], None for what is no number; gauges overshoot a little."""
+    return None if battery is None or math.isnan(battery) else min(max(battery, 0.0), 1.0)
 
 
 def _is_sound(beacon: Range) -> bool:
