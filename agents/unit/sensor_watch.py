@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.limits import Limits
-from race_agents.unit.readings import Fix, Range, Readings
+from race_agents.unit.readings import MOST_RAYS, Fix, Range, Readings
 from race_agents.unit.safety import Echoes
 from race_agents.unit.seen_motion import MOST_SPEED, SeenMotion
 from race_server.core import codes
@@ -106,8 +106,9 @@ class SensorWatch:
         if beacons:
             self._lines[Sensor.BEACONS].note(beacons, now_s, None)
         ranges = readings.ranges
-        if ranges is not None and not bool(np.isfinite(ranges).all()):
-            ranges = None
+        if ranges is not None:
+            is_sound = len(ranges) <= MOST_RAYS and bool(np.isfinite(ranges).all())
+            ranges = ranges if is_sound else None
         if ranges is not None:
             self._lines[Sensor.LIDAR].note(ranges.tobytes(), now_s, moves)
         return replace(

@@ -17,15 +17,19 @@ from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Surroundings
 from race_agents.plant.sensors import Sensors
+from race_agents.unit import readings
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.mailbox import CRC, HEAD, Freshness, Mailbox, size_of
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.records import Report, Word
+from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
 from race_server.core.peer import Peer
+from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicle_presets import KART_60
 from race_server.errors import RecordingError
+from race_server.scenario import sensors
 
 
 def test_the_newest_message_is_read_and_a_half_written_one_is_none() -> None:
@@ -103,6 +107,20 @@ def test_words_and_reports_come_out_as_they_went_in() -> None:
     assert again.ranges is not None
     assert again.ranges.tolist() == [1.0, 0.0, 2.5]
     assert Report.unpack(Report().pack()).pose is None
+
+
+def test_the_largest_lidar_of_a_race_fits_and_a_larger_one_is_silent() -> None:
+    assert readings.MOST_RAYS == sensors.MOST_RAYS == 2048
+    boxes = Mailboxes.over(bytearray(Mailboxes.size()))
+    ranges = np.linspace(1.0, 2.0, 2048)
+    boxes.reports.write(Report(ranges=ranges).pack(), 1.0)
+    report = boxes.report()
+    assert report is not None
+    assert report.ranges == pytest.approx(ranges, abs=0.0)
+    watch = SensorWatch(KART_60)
+    told = readings.Readings(0.0, 0.0, 0.0, 0.0, ranges=np.ones(2049))
+    assert watch.take(told, 0.0, 0.0).ranges is None
+    assert watch.state(Sensor.LIDAR) is SensorState.ABSENT
 
 
 def driven_side() -> tuple[SafetySide, Plant, float]:
