@@ -69,9 +69,7 @@ def test_a_sensor_that_fails_is_found_and_no_other(
     assert watch.is_lame == (sensor in {Sensor.WHEELS, Sensor.GYRO, Sensor.ACCELEROMETER})
 
 
-def test_an_angle_that_stood_still_on_a_straight_is_stuck_half_a_second_after_another_is_asked() -> (
-    None
-):
+def test_a_steering_that_stood_still_on_a_straight_is_stuck_half_a_second_after_it_lags() -> None:
     # Straight on for 2 s, to the last digit; then 0.1 rad is asked for, and nothing moves.
     watch, shown = SensorWatch(KART_60), []
     for turn in range(200):
