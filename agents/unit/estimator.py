@@ -64,6 +64,7 @@ class Estimator:
             agility=Agility.of(vehicle),
             compliance=compliance,
             heading_deviation=None if fix.heading is None else fix.heading_deviation,
+            deviation=fix.deviation,
         )
         self.timeline = Timeline(self.filter, Tyres.of(vehicle), vehicle.rear_axle, borders)
         self.wheels, self.inertial = Wheels.of(vehicle), Inertial()

@@ -65,6 +65,12 @@ def straight(turn: int, fix: Fix | None, acceleration: tuple[float, float] | Non
     return Readings(turn * STEP, 10.0, 0.0, 0.0, acceleration, fix)
 
 
+def test_a_kart_knows_its_place_no_better_than_its_first_fix_told_it() -> None:
+    for told, known in ((5.0, 5.0), (0.02, 1.0)):  # in each of two directions
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, told), 0.0, 0.0)
+        assert estimator.deviation == pytest.approx(math.sqrt(2.0) * known)
+
+
 def test_a_fix_that_comes_late_counts_as_if_it_had_come_in_time() -> None:
     # East at 10 m/s; each fix is told at once, or 0.2 s later with its stamp.
     states = []
@@ -231,6 +237,19 @@ def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
     assert all(told[:20])
     assert not any(told[20:54])
     assert all(told[62:])
+
+
+def test_wheels_that_lock_after_the_clock_was_set_back_are_noticed() -> None:
+    wheels = Wheels.of(KART_60)
+    for turn in range(50):
+        assert wheels.trusted(12.0, 12.0, 0.0, 5000.0 + turn * STEP) is not None
+    for turn in range(50):
+        assert wheels.trusted(12.0, 12.0, 0.0, 1400.0 + turn * STEP) is not None
+    told = [wheels.trusted(0.0, 12.0, -5.0, 1401.0 + turn * STEP) for turn in range(5)]
+    assert None in told
+    # Nor are they lost for ever where they were lost before it.
+    again = [wheels.trusted(12.0, 12.0, 0.0, 100.0 + turn * STEP) for turn in range(10)]
+    assert again[-1] is not None
 
 
 def test_a_kart_with_locked_wheels_keeps_its_place_by_what_it_feels() -> None:

@@ -220,6 +220,18 @@ def test_a_ring_keeps_the_minute_before_a_kart_brakes_by_itself(tmp_path: Path) 
     assert "game" in turns[-1]["cause"]
 
 
+def test_a_ring_holds_a_minute_also_after_the_clock_was_set_back() -> None:
+    ring, second = IncidentRing(), 1_000_000_000
+    ring.pass_on((5000 * second, {}), 5000.0, happens=True)
+    times = [*range(5011, 5100), *range(100, 300)]
+    assert not any(ring.pass_on((n * second, {}), float(n), happens=False) for n in times)
+    kept = ring.pass_on((300 * second, {}), 300.0, happens=True)
+    assert [at // second for at, _ in kept] == [*range(239, 301)]
+    # And ten seconds more, though the clock is set back just then.
+    after = [len(ring.pass_on((n * second, {}), float(n), happens=False)) for n in range(20, 40)]
+    assert after == [1] * 11 + [0] * 9
+
+
 def test_a_black_box_holds_each_turn_and_survives_a_torn_end(tmp_path: Path) -> None:
     side, _, now_s = driven_side()
     path = tmp_path / "kart.mcap"
