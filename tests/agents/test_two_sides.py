@@ -1,10 +1,13 @@
 """The two sides of a kart's program, and the mailboxes between them."""
 
 import contextlib
+import errno
 import math
 import subprocess
 import sys
+import time
 from dataclasses import replace
+from io import FileIO
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,7 @@ import pytest
 
 from race_agents.onboard.black_box import BlackBox, read_black_box
 from race_agents.onboard.incident_ring import IncidentRing
+from race_agents.onboard.kept_output import KeptOutput
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.plant.kart import Plant
@@ -230,6 +234,41 @@ def test_a_ring_holds_a_minute_also_after_the_clock_was_set_back() -> None:
     # And ten seconds more, though the clock is set back just then.
     after = [len(ring.pass_on((n * second, {}), float(n), happens=False)) for n in range(20, 40)]
     assert after == [1] * 11 + [0] * 9
+
+
+def test_a_black_box_goes_on_once_a_full_disk_takes_more_and_says_so_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused: list[int] = []
+
+    class FullDisk(FileIO):
+        def write(self, data: bytes) -> int:
+            if len(refused) < 3:
+                refused.append(len(data))
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return super().write(data)
+
+    class Kept(KeptOutput):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            self._file = FullDisk(path, "w")
+
+    for name in ("FLUSH_S", "RETRY_S"):
+        monkeypatch.setattr(f"race_agents.onboard.black_box.{name}", 0.05)
+    monkeypatch.setattr("race_agents.onboard.black_box.KeptOutput", Kept)
+    side, _, now_s = driven_side()
+    with BlackBox(tmp_path / "kart.mcap") as box:
+        side.box = box
+        for turn in range(1, 31):
+            side.turn(now_s + 0.01 * turn)
+        deadline = time.monotonic() + 10.0
+        while len(refused) < 3 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        for turn in range(31, 41):
+            side.turn(now_s + 0.01 * turn)
+        side.box = None
+    assert len(list(read_black_box(tmp_path / "kart.mcap"))) == 40
+    assert capsys.readouterr().err.count("No space left on device") == 1
 
 
 def test_a_black_box_holds_each_turn_and_survives_a_torn_end(tmp_path: Path) -> None:
