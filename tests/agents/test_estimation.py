@@ -227,6 +227,13 @@ def test_a_gyro_that_speaks_again_tells_its_change_over_the_time_of_its_silence(
         assert tick.felt[1] == pytest.approx(expected, abs=1e-9)
 
 
+def test_wheels_that_tell_a_metre_a_second_less_than_is_seen_are_not_used() -> None:
+    for seen, is_used in ((0.0, True), (0.9, True), (1.1, False)):
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.02), 0.0, 0.0)
+        tick = estimator._tick(Readings(0.01, 0.0, 0.0, 0.0), seen)
+        assert (tick.wheel is not None) == is_used
+
+
 def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
     wheels = Wheels.of(KART_60)
     told = []
