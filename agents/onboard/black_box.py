@@ -2,8 +2,8 @@
 
 The safety side hands each turn over and never waits for the disk: a thread writes. What was handed
 over reaches the operating system at least twice a second, so a program that is killed takes half a
-second with it, and a kart that loses its power what the system had not written yet. Messages are
-JSON, so that any reader of MCAP shows them.
+second with it, and a kart that loses its power what the system had not written yet. A disk that
+takes no more is tried again. Messages are JSON, so that any reader of MCAP shows them.
 """
 
 import contextlib
@@ -11,11 +11,12 @@ import json
 import math
 import queue
 import struct
+import threading
 import time
 from collections.abc import Iterator
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Self
+from typing import IO, Any, Self, cast
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
@@ -24,14 +25,18 @@ from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from race_agents.onboard.incident_ring import IncidentRing, Noted, is_incident
+from race_agents.onboard.kept_output import KeptOutput
 from race_agents.onboard.turns import Turn, fault_in
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.readings import Readings
 from race_server.errors import RecordingError
 from race_server.storage.queue import TicketQueue
+from race_server.terminal import say
 from race_server.version import __version__
 
 FLUSH_S = 0.5
+# A disk that takes no more is tried again after this time [s].
+RETRY_S = 1.0
 CHUNK_BYTES = 64 * 1024
 # Turns that wait for a disk that has stopped; later ones are left out.
 MOST_WAITING = 6000
@@ -49,10 +54,12 @@ class BlackBox:
             RecordingError: it cannot be written.
         """
         try:
-            self._file = path.open("wb")
+            self._file = KeptOutput(path)
         except OSError as error:
             raise RecordingError(f"black box {path} cannot be written: {error.strerror}") from error
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._path, self._ends, self._has_said = path, threading.Event(), False
+        stream = cast("IO[Any]", self._file)
+        self._writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start("race-kart", f"race-server {__version__}")
         schema = json.dumps({"type": "object", "title": SCHEMA}).encode()
         number = self._writer.register_schema(SCHEMA, "jsonschema", schema)
@@ -81,24 +88,43 @@ class BlackBox:
 
     def close(self) -> None:
         """Write what is left, and end the file."""
+        self._ends.set()
         self._queue.close()
 
     def _work(self) -> None:
         """Write until the last turn; runs in the thread."""
         flushed, is_open = time.monotonic(), True
+        while is_open:
+            with contextlib.suppress(queue.Empty):
+                noted = self._queue.get(FLUSH_S)
+                is_open = noted is not None
+                if noted is not None:
+                    self._write(noted)
+            if time.monotonic() - flushed > FLUSH_S:
+                self._writer.flush()
+                if not self._drain():
+                    return
+                flushed = time.monotonic()
+        self._writer.finish()
+        self._drain()
         with contextlib.suppress(OSError):
-            while is_open:
-                with contextlib.suppress(queue.Empty):
-                    noted = self._queue.get(FLUSH_S)
-                    is_open = noted is not None
-                    if noted is not None:
-                        self._write(noted)
-                if time.monotonic() - flushed > FLUSH_S:
-                    self._writer.flush()
-                    self._file.flush()
-                    flushed = time.monotonic()
-            self._writer.finish()
             self._file.close()
+
+    def _drain(self) -> bool:
+        """Hand to the disk what is written, until it takes it; False if the kart ends before."""
+        while True:
+            try:
+                self._file.drain()
+            except OSError as error:
+                if not self._has_said:
+                    self._has_said = True
+                    cause = f"{error.strerror}; it is tried again, and turns may be missing"
+                    say(f"black box {self._path} cannot be written: {cause}", error=True)
+                if self._ends.is_set():
+                    return False
+                self._ends.wait(RETRY_S)
+            else:
+                return True
 
     def _write(self, noted: list[Noted]) -> None:
         for at_ns, turn in noted:

@@ -25,6 +25,7 @@ from race_server.net.auth.settings import PeerSettings
 from race_server.net.transport import ClientLink, PeerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
+from race_server.net.wire.parking import OrderFrame
 
 # After this time without a word of the server it gives up.
 GIVE_UP_S = 10.0
@@ -63,7 +64,7 @@ def take_part(
     side; the kart leaves once it returns False, or once its safety side has nothing more to do.
 
     Raises:
-        LinkError: no server.
+        LinkError: no server, or one that is gone before the race begins.
         SeatError: no seat.
         DriverError: the driver that is to park cannot.
     """
@@ -85,12 +86,10 @@ def take_part(
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
             kart, known = kart_of(seat, sheet, link), KnownKart(welcome.briefing.vehicle)
             briefing = _stating(welcome.briefing, caution)
-            crew = _crew_of(driver, name, valet, briefing, welcome, sheet)
-            if crew.parker is not None and not on_request:
-                crew.parker.take(welcome.order)
-            if not welcome.stays:
-                persist(partial(seat.act, topics.READY))
-            _drive(crew, onboard, kart, known, each_turn)
+            crew_of = partial(_crew_of, driver, name, valet, briefing, welcome, sheet)
+            parks = None if on_request else welcome.order
+            ready = None if welcome.stays else partial(persist, partial(seat.act, topics.READY))
+            _drive(partial(_crew_ready, crew_of, parks, ready), onboard, kart, known, each_turn)
             welcome = onboard.next_race(known.hud)
 
 
@@ -121,20 +120,39 @@ def _crew_of(
     return Crew(driver, parker, races_first)
 
 
+def _crew_ready(
+    crew_of: Callable[[], Crew], order: OrderFrame | None, ready: Callable[[], object] | None
+) -> Crew:
+    """Return the drivers once they and the server know that all are ready.
+
+    order: to park, None where there is none yet; ready: tells the server.
+    """
+    crew = crew_of()
+    if crew.parker is not None:
+        crew.parker.take(order)
+    try:
+        if ready is not None:
+            ready()
+    except BaseException:
+        crew.close()
+        raise
+    return crew
+
+
 def _drive(
-    crew: Crew,
+    crew_ready: Callable[[], Crew],
     onboard: KartProgram,
     kart: Kart,
     known: KnownKart,
     goes_on: Callable[[KartProgram, Kart, float], bool],
 ) -> None:
-    """Turn 50 times a second; however the loop ends, the kart is left with its brakes on."""
-    try:
-        _turn(crew, onboard, kart, known, goes_on)
-    finally:
-        kart.close()
-        crew.close()
-        onboard.close()
+    """Turn 50 times a second; however this ends, the kart is left with its brakes on."""
+    with ExitStack() as left:
+        left.callback(onboard.close)
+        with closing(kart):
+            crew = crew_ready()
+            left.callback(crew.close)
+            _turn(crew, onboard, kart, known, goes_on)
 
 
 def _turn(
@@ -146,7 +164,7 @@ def _turn(
 ) -> None:
     pacer, word = Pacer(PERIOD_S), Word()
     pacer.start()
-    heard_s = asked = onboard.clock()
+    heard_s = asked = onboard.answered_s = onboard.clock()
     while known.hud is None or onboard.clock() - heard_s < GIVE_UP_S:
         now = onboard.clock()
         if (heard := onboard.hear(now)) is not None:
@@ -164,7 +182,9 @@ def _turn(
         onboard.tell(known, now)
         if known.report.is_through or not goes_on(onboard, kart, now):
             return
-        if now - asked > RETRY_S and not onboard.is_cut and known.hud is not None:
+        if now - asked > RETRY_S and not onboard.is_cut:
             asked = now
-            onboard.ask_again()
+            onboard.ask_again(waits=known.hud is None)
+        if known.hud is None:  # others may not be ready yet: it waits for as long as answers come
+            onboard.expect_answers(now)
         pacer.wait()

@@ -26,6 +26,10 @@ class IncidentRing:
 
     def pass_on(self, noted: Noted, time_s: float, *, happens: bool) -> list[Noted]:
         """Return the turns to be kept now, this one the last; none where it is held back."""
+        if self._held and noted[0] < self._held[-1][0]:  # the clock was set back
+            self._held.clear()
+            self._until_s = time_s - 1.0
+        self._until_s = min(self._until_s, time_s + AFTER_S)
         if happens:
             self._until_s = time_s + AFTER_S
         self._held.append(noted)

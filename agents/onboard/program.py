@@ -35,7 +35,7 @@ RETRY_S = 1.0
 SAY_AGAIN_S = 0.2
 # How it is it tells this often, and at once when a sensor fails.
 TELEMETRY_S = 0.2
-# Between two races of an event it gives up after this time without an answer.
+# Before a race begins, and between two of an event, it gives up after this time without an answer.
 AWAY_S = 60.0
 
 Clock = Callable[[], float]
@@ -77,6 +77,7 @@ class KartProgram:
     is_cut: bool = False  # as if the radio were off
     sequence: int = 0
     alerts: int = 0  # sent so far
+    answered_s: float = 0.0  # when the server last answered a request
     beside: Beside | None = None  # told what the kart knows, whether the radio works or not
     peers: Peers | None = None  # the other real karts
     _up: deque[tuple[float, Send, bytes]] = field(default_factory=deque)
@@ -173,18 +174,31 @@ class KartProgram:
         data = encode_alert(AlertFrame(epoch, self.alerts, alert))
         self._up.append((now_s + self.delay_s, self._send_alert, data))
 
-    def ask_again(self) -> None:
+    def ask_again(self, *, waits: bool) -> None:
         """Ask for the seat again after a silence; the kart stands meanwhile, by its reflex.
 
-        A thread waits for the answer, which may take seconds: the reflex has none to spare.
+        A thread waits for the answer, which may take seconds: the reflex has none to spare. waits:
+        for the race to begin. A server that was started again does not know that it is ready.
         """
         if self._asking is None or not self._asking.is_alive():
-            self._asking = threading.Thread(target=self._ask, name="seat")
+            self._asking = threading.Thread(target=self._ask, args=(waits,), name="seat")
             self._asking.start()
 
-    def _ask(self) -> None:
+    def _ask(self, waits: bool) -> None:
         with suppress(RaceError):  # the next silence asks again
             self.seat.ask_again()
+            self.answered_s = self.clock()
+            if waits:
+                self.seat.act(topics.READY)
+
+    def expect_answers(self, now_s: float) -> None:
+        """Check that the server has answered not long ago.
+
+        Raises:
+            LinkError: it has gone.
+        """
+        if now_s - self.answered_s > AWAY_S:
+            raise LinkError(f"no answer for {AWAY_S:g} s: the server has gone")
 
     def next_race(self, last: HudFrame | None) -> Welcome | None:
         """Wait for the next race of an event, which has begun then; None where there is none.
@@ -194,7 +208,7 @@ class KartProgram:
         Raises:
             LinkError: the server has gone.
         """
-        welcome, asked, answered = self.seat.welcome, -math.inf, self.clock()
+        welcome, asked, self.answered_s = self.seat.welcome, -math.inf, self.clock()
         while welcome.stays:
             now = self.clock()
             heard = self.hear(now)
@@ -207,9 +221,8 @@ class KartProgram:
                     welcome = self.seat.ask_again()
                     if welcome.stays:
                         self.seat.act(topics.READY)
-                    answered = self.clock()
-            if now - answered > AWAY_S:
-                raise LinkError(f"no answer for {AWAY_S:g} s: the server has gone")
+                    self.answered_s = self.clock()
+            self.expect_answers(now)
             time.sleep(PERIOD_S)
         return None
 

@@ -20,6 +20,8 @@ from race_server.core.messages import Control
 PERIOD_S = 0.01
 # Without the game's side for this long [s] it ends, its brakes on.
 ALONE_S = 10.0
+# … where that never spoke, after this time: it asks the server and gets its driver ready first.
+START_S = 60.0
 # … and once the kart has nothing more to do, this long.
 PATIENCE_S = 1.0
 
@@ -78,10 +80,11 @@ class SafetySide:
     is_through: bool = False
     _heard: Freshness = field(default_factory=Freshness)
     _word: Word = field(default_factory=Word)
-    _decisions: int = 0
+    _began_s: float | None = None  # when it turned first
 
     def turn(self, now_s: float) -> None:
         """Sense, hear, decide, act, and tell."""
+        self._began_s = now_s if self._began_s is None else min(self._began_s, now_s)
         readings = self.hardware.read(now_s)
         self.unit.sense(readings)
         self._hear(now_s)
@@ -118,8 +121,10 @@ class SafetySide:
 
     def is_alone(self, now_s: float) -> bool:
         """Return whether the game's side has been silent for long, or has nothing more to say."""
+        if self._heard.counter == 0:
+            return self._began_s is not None and now_s - self._began_s > START_S
         most_s = PATIENCE_S if self.is_through else ALONE_S
-        return self._heard.counter > 0 and now_s - self._heard.since_s > most_s
+        return now_s - self._heard.since_s > most_s
 
     def stop(self) -> None:
         """Leave the kart with its brakes on."""

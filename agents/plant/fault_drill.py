@@ -1,4 +1,4 @@
-"""The drill of faults: a kart at 50 km/h, each fault in turn, what must and what did happen."""
+"""The drill of faults: a kart at 50 km/h, or at a stand, each fault in turn, and what happens."""
 
 from collections.abc import Callable
 from typing import Any

@@ -17,6 +17,10 @@ from race_server.core.alert import Cause
 NAN = math.nan
 # A sensor that has failed shows within this time [s].
 SHOWS_S = 0.6
+# … one that hangs while the kart stands once it drives, 1 s later, and has driven a second.
+HANGS_S = 2.5
+# … and so far [m] the kart came by then without any wheels that tell it.
+PINNED_M = 2.5
 # A place of satellites with corrections is off by this [m] at most, where it is not said otherwise.
 OFF_M = 0.5
 # … and by this [m], a kart's width, where what tells it has failed.
@@ -127,6 +131,7 @@ def cases() -> Iterator[Case]:
     yield from _lost_places()
     yield from _false_places()
     yield from _motions()
+    yield from _motions_of_a_stand()
     yield from _eyes()
     yield from _programs()
 
@@ -204,6 +209,18 @@ def _motions() -> Iterator[Case]:
         lambda readings, _: replace(readings, yaw_rate=readings.yaw_rate + 0.2),
     )
     yield Case(off, Then.GOES_ON, "gyro refused")
+
+
+def _motions_of_a_stand() -> Iterator[Case]:
+    """Yield faults of a kart that stands, and drives off afterwards."""
+    for name, field in (("wheels", "wheel_speed"), ("gyro", "yaw_rate")):
+        what = f"nothing comes from the {name} of a kart that stands and then drives off"
+        silent = Fault(f"{name}-stop-standing", what, _set(**{field: NAN}), standing=True)
+        yield _lame(silent, f"{name} silent")
+        what = f"the {name} of a kart that stands and then drives off repeats one number"
+        hangs = Fault(f"{name}-hang-standing", what, _hangs(field), standing=True)
+        case = _lame(hangs, f"{name} stuck", HANGS_S)
+        yield replace(case, off_m=PINNED_M) if name == "wheels" else case
 
 
 def _eyes() -> Iterator[Case]:

@@ -30,6 +30,8 @@ KMH = 1.0 / 3.6
 # The kart drives at least this long [s] before, and then from this speed [m/s] on; at the latest …
 SETTLE_S, AT, LATEST_S = 8.0, 50.0 * KMH, 30.0
 AFTER_S = 12.0
+# A kart that stands while something fails drives off after this time [s].
+WAITS_S = 1.0
 STANDS = 0.05  # [m/s]
 GRIP_SHARE = 0.6
 
@@ -61,6 +63,7 @@ class Fault:
     damaged_every: int = 0  # one of this many words is damaged; 0: none
     clock_s: float = 0.0  # by which the kart's clock jumps
     sensors: Sensors = field(default_factory=Sensors)
+    standing: bool = False  # it fails while the kart stands, which then drives off
 
 
 @dataclass
@@ -156,7 +159,7 @@ class Drive:
         happened, plant, turn, began = Happened(), self.faulty.plant, 0, math.inf
         while PERIOD_S * turn < began + AFTER_S:
             now_s = PERIOD_S * turn
-            is_due = now_s > SETTLE_S and plant.body.speed > AT
+            is_due = now_s > SETTLE_S and (self.fault.standing or plant.body.speed > AT)
             if began == math.inf and (is_due or now_s > LATEST_S):
                 began, happened.speed = now_s, plant.body.speed
                 self.faulty.scene, self.faulty.clock_s = Scene(), self.fault.clock_s
@@ -190,8 +193,9 @@ class Drive:
 
     def _decide(self) -> Control:
         """Return what the driver does, by what the kart reports."""
-        report = self.side.boxes.report()
-        if report is None or report.pose is None:
+        report, scene = self.side.boxes.report(), self.faulty.scene
+        waits = self.fault.standing and (scene is None or scene.since_s < WAITS_S)
+        if waits or report is None or report.pose is None:
             return Control(brake=1.0)
         pose = report.pose
         told = Body(self.vehicle, pose.x, pose.y, pose.heading, pose.speed)

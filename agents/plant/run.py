@@ -64,7 +64,11 @@ def run_plant(setting: PlantSetting) -> None:
         if scenes and (box := setup.black_box):  # each round of an event has one
             setup = replace(setup, black_box=box.with_stem(f"{box.stem}-{len(scenes) + 1}"))
         kart = KartApart(SAFETY, setup, SCENE_BYTES)
-        scenes.append(_scene_of(seat, link, kart, is_lot=setup.is_lot))
+        try:
+            scenes.append(_scene_of(seat, link, kart, is_lot=setup.is_lot))
+        except BaseException:
+            kart.close()
+            raise
         return kart
 
     def each_turn(_program: KartProgram, _kart: Kart, now_s: float) -> bool:

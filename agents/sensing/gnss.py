@@ -1,6 +1,7 @@
 """Fixes from the bytes of a satellite receiver: UBX (NAV-PVT, NAV-RELPOSNED) and NMEA.
 
-pyubx2 and pynmeagps frame and check the bytes; damaged messages are counted and dropped.
+Messages of one moment belong together, in whatever order a receiver sends them. pyubx2 and
+pynmeagps frame and check the bytes; damaged messages are counted and dropped.
 """
 
 import math
@@ -10,11 +11,12 @@ from typing import Any, BinaryIO
 
 from pyubx2 import ERR_LOG, NMEA_PROTOCOL, UBX_PROTOCOL, UBXReader
 
+from race_agents.sensing.epoch import Epoch, Told
 from race_agents.sensing.place import LocalFrame
 from race_agents.unit.readings import Fix
 from race_server.core.messages import Source
 
-DAY_S = 86_400.0
+DAY_S, WEEK_S = 86_400.0, 604_800.0
 # GPS time is ahead of the time of day of NMEA by this [s], since 2017.
 LEAP_S = 18.0
 KNOT = 0.514444  # [m/s]
@@ -56,9 +58,8 @@ class GnssReader:
     frame: LocalFrame
     pulse: Pulse = field(default_factory=Pulse)
     damaged: int = 0
-    _heading: tuple[int, float, float] | None = None  # time of week [ms], heading, deviation
-    _speed: tuple[Any, float, float] | None = None  # time, speed, course of RMC
-    _deviation: tuple[Any, float] | None = None  # time, deviation of GST
+    _ubx: Epoch = field(default_factory=lambda: Epoch(WEEK_S))
+    _nmea: Epoch = field(default_factory=lambda: Epoch(DAY_S))
 
     def read(self, stream: BinaryIO) -> Iterator[Fix]:
         """Yield fixes until the stream ends."""
@@ -71,43 +72,63 @@ class GnssReader:
         while True:
             raw, message = reader.read()
             if raw is None:
+                yield from self._fixes([*self._ubx.end(), *self._nmea.end()])
                 return
             try:
-                fix = None if message is None else self.take(message)
+                fixes = [] if message is None else self.take(message)
             except (ValueError, TypeError, AttributeError) as error:  # a field that is empty
                 self._count(error)
                 continue
-            if fix is not None:
-                yield fix
+            yield from fixes
 
     def _count(self, error: Exception) -> None:
         del error
         self.damaged += 1
 
-    def take(self, message: Any) -> Fix | None:
-        """Return the fix that a message completes, if it does."""
+    def take(self, message: Any) -> list[Fix]:
+        """Return the fixes that a message completes: as a rule one at most."""
         name = message.identity
         if name == "NAV-PVT":
-            return self._of_pvt(message)
-        if name == "NAV-RELPOSNED":
-            self._note_heading(message)
+            told = self._ubx.take(1e-3 * message.iTOW, "PVT", self._of_pvt(message))
+        elif name == "NAV-RELPOSNED":
+            told = self._ubx.take(1e-3 * message.iTOW, "RELPOSNED", self._heading_of(message))
+        elif name == "NAV-EOE":
+            told = self._ubx.end()
         elif name.endswith("RMC"):
-            if message.status == "A" and message.spd != "":
-                course = self.frame.heading(float(message.cog or 0.0))
-                self._speed = message.time, KNOT * float(message.spd), course
+            told = self._nmea.take(_day_s(message.time), "RMC", self._velocity_of(message))
         elif name.endswith("GST"):
-            if message.stdLat != "" and message.stdLong != "":
-                worse = max(float(message.stdLat), float(message.stdLong))
-                self._deviation = message.time, max(worse, LEAST_DEVIATION)
+            told = self._nmea.take(_day_s(message.time), "GST", _deviation_of(message))
         elif name.endswith("GGA"):
-            return self._of_gga(message)
-        return None
+            told = self._nmea.take(_day_s(message.time), "GGA", self._of_gga(message))
+        else:
+            told = []
+        return self._fixes(told)
 
-    def _note_heading(self, message: Any) -> None:
-        """Take the heading from one antenna to the other: known where both are fixed."""
-        if message.relPosValid and message.relPosHeadingValid and message.carrSoln == FIXED:
-            heading = self.frame.heading(float(message.relPosHeading))
-            self._heading = message.iTOW, heading, math.radians(float(message.accHeading))
+    def _fixes(self, moments: list[Told]) -> list[Fix]:
+        """Return the fixes of some moments, each with all that was told of it."""
+        fixes = []
+        for told in moments:
+            fix = told.get("PVT") or told.get("GGA")
+            if fix is not None:
+                parts = (told.get(kind) or {} for kind in ("RELPOSNED", "RMC", "GST"))
+                fixes.append(replace(fix, **{k: v for part in parts for k, v in part.items()}))
+        return fixes
+
+    def _heading_of(self, message: Any) -> Told | None:
+        """Return the heading from one antenna to the other: known where both are fixed."""
+        if not (message.relPosValid and message.relPosHeadingValid and message.carrSoln == FIXED):
+            return None
+        spread = math.radians(float(message.accHeading))
+        heading = self.frame.heading(float(message.relPosHeading))
+        return {"heading": heading, "heading_deviation": max(spread, 1e-3)}
+
+    def _velocity_of(self, message: Any) -> Told | None:
+        """Return speed and course of RMC."""
+        if message.status != "A" or message.spd == "":
+            return None
+        course = self.frame.heading(float(message.cog or 0.0))
+        speed = KNOT * float(message.spd)
+        return {"speed": speed, "course": course, "speed_deviation": SPEED_DEVIATION}
 
     def _of_pvt(self, message: Any) -> Fix | None:
         """Return a fix of UBX: millimetres and degrees."""
@@ -117,7 +138,7 @@ class GnssReader:
         # hAcc is the error in 68 % of cases in two directions: by √2 for one of them.
         deviation = max(1e-3 * message.hAcc / math.sqrt(2.0), LEAST_DEVIATION)
         corrected = message.diffSoln or message.carrSoln
-        fix = Fix(
+        return Fix(
             x,
             y,
             deviation,
@@ -127,31 +148,30 @@ class GnssReader:
             course=self.frame.heading(float(message.headMot)),
             speed_deviation=max(1e-3 * message.sAcc, 0.02),
         )
-        if self._heading is not None and self._heading[0] == message.iTOW:
-            _, heading, spread = self._heading
-            fix = replace(fix, heading=heading, heading_deviation=max(spread, 1e-3))
-        return fix
 
     def _of_gga(self, message: Any) -> Fix | None:
-        """Return a fix of NMEA, with what RMC and GST told of the same moment before."""
+        """Return a fix of NMEA, as good as its quality says."""
         quality = int(message.quality or 0)
         if quality not in DEVIATIONS or message.lat == "":
             return None
         height = float(message.alt or 0.0) + float(message.sep or 0.0)
         x, y = self.frame.place(float(message.lat), float(message.lon), height)
-        deviation = DEVIATIONS[quality]
-        if self._deviation is not None and self._deviation[0] == message.time:
-            deviation = self._deviation[1]
-        time = message.time
-        day_s = 3600.0 * time.hour + 60.0 * time.minute + time.second + 1e-6 * time.microsecond
-        fix = Fix(
+        return Fix(
             x,
             y,
-            deviation,
+            DEVIATIONS[quality],
             Source.SATELLITES if quality == 1 else Source.CORRECTED_SATELLITES,
-            stamp_s=self.pulse.stamp_of_day(day_s),
+            stamp_s=self.pulse.stamp_of_day(_day_s(message.time)),
         )
-        if self._speed is not None and self._speed[0] == time:
-            _, speed, course = self._speed
-            fix = replace(fix, speed=speed, course=course, speed_deviation=SPEED_DEVIATION)
-        return fix
+
+
+def _deviation_of(message: Any) -> Told | None:
+    """Return the deviation of GST, in the worse direction."""
+    if message.stdLat == "" or message.stdLong == "":
+        return None
+    return {"deviation": max(float(message.stdLat), float(message.stdLong), LEAST_DEVIATION)}
+
+
+def _day_s(time: Any) -> float:
+    """Return the time of day [s]."""
+    return float(3600.0 * time.hour + 60.0 * time.minute + time.second + 1e-6 * time.microsecond)

@@ -60,5 +60,7 @@ class UwbReader:
             # The way in the plane: the beacon hangs higher than the tag.
             square = far * far - (z - self.height) ** 2
             if square > 0.0:
-                spread = DEVIATION / math.sqrt(min(quality, 100) / 100.0)
-                yield Range(MILLI * row[3], MILLI * row[4], math.sqrt(square), spread)
+                plane = math.sqrt(square)
+                # Near below a beacon a little more of the range is much more of the way.
+                spread = DEVIATION / math.sqrt(min(quality, 100) / 100.0) * far / plane
+                yield Range(MILLI * row[3], MILLI * row[4], plane, spread)

@@ -130,7 +130,7 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        is_believed = self.fusion.sense(readings)
+        is_believed = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
         if readings.fix is not None:

@@ -85,6 +85,7 @@ class KartFilter(Corrected):
         agility: Agility | None = None,
         compliance: float = 0.0,
         heading_deviation: float | None = None,
+        deviation: float = 1.0,
     ) -> None:
         """Begin at rest, the antenna at (x, y); the heading is known to about 20 degrees.
 
@@ -99,10 +100,11 @@ class KartFilter(Corrected):
         super().__init__()
         self.state[[X, Y, HEADING]] = back_x, back_y, heading
         self.state[[COMPLIANCE, DELAY]] = compliance, USUAL_DELAY_S
+        spread = max(1.0, deviation**2)
         rough = ROUGH if heading_deviation is None else heading_deviation**2
         self.covariance = np.diag(
             [
-                *(1.0, 1.0, rough, 0.25, 0.25, 2.5e-3, 0.01),
+                *(spread, spread, rough, 0.25, 0.25, 2.5e-3, 0.01),
                 *(SCALE_DEVIATION**2, (COMPLIANCE_SHARE * compliance) ** 2, DELAY_DEVIATION**2),
             ]
         )

@@ -28,6 +28,10 @@ JITTER_S = 0.01
 SHOWN_S = 2.0
 # Borders are looked at no more often than this [s].
 LOOKS_S = 0.09
+# What is faster than this [m/s] does not rest.
+RESTS = 0.5
+# Wheels that tell this much less [m/s] than the kart has at least do not turn, or do not tell it.
+BELIED = 1.0
 # A stamp is never of the future, nor older than this [s]: one clock was set, and it tells nothing.
 MOST_AGE_S = 0.65
 
@@ -60,6 +64,7 @@ class Estimator:
             agility=Agility.of(vehicle),
             compliance=compliance,
             heading_deviation=None if fix.heading is None else fix.heading_deviation,
+            deviation=fix.deviation,
         )
         self.timeline = Timeline(self.filter, Tyres.of(vehicle), vehicle.rear_axle, borders)
         self.wheels, self.inertial = Wheels.of(vehicle), Inertial()
@@ -68,12 +73,17 @@ class Estimator:
         self._gyro_found_s = 0.0
         self._looked_s = -math.inf  # at borders
         self._vehicle, self._borders = vehicle, borders
-        self._time_s, self._rate = time_s, 0.0
+        self._time_s = time_s
+        # Turning rates [rad/s] that were told last, by the gyro and by the steering, and when.
+        self._rates: dict[bool, tuple[float, float]] = {True: (0.0, time_s)}
 
-    def sense(self, readings: Readings) -> bool:
-        """Take the newest readings; True if they hold a fix that was believed."""
-        tick = self._tick(readings)
-        self._time_s, self._rate = readings.time_s, tick.yaw_rate or 0.0
+    def sense(self, readings: Readings, at_least: float = 0.0) -> bool:
+        """Take the newest readings; True if they hold a fix that was believed.
+
+        at_least: speed [m/s] that the kart has, by what needs no wheels.
+        """
+        tick = self._tick(readings, at_least)
+        self._time_s = readings.time_s
         fix = readings.fix
         late = None if fix is None else self._late(fix, readings.time_s)
         return self.timeline.advance(tick, late)
@@ -88,16 +98,20 @@ class Estimator:
             fix = replace(fix, stamp_deviation_s=JITTER_S)
         return Late(now_s - lag, fix, lag)
 
-    def _tick(self, readings: Readings) -> Tick:
+    def _tick(self, readings: Readings, at_least: float) -> Tick:
         """Return a step as the sensors on board saw it."""
         now_s, felt = readings.time_s, readings.acceleration
         dt = max(now_s - self._time_s, 0.0)
         estimate = float(self.state[SPEED]) * (1.0 + float(self.state[SCALE]))
         pull = 0.0 if felt is None else felt[0]
         speed, wheel = readings.wheel_speed, None
-        if not math.isnan(speed):
+        if not math.isnan(speed) and at_least - abs(speed) < BELIED:
             wheel = self.wheels.trusted(speed, estimate, pull, now_s)
-        if not math.isnan(speed + readings.yaw_rate):
+        if at_least > RESTS:
+            self.inertial.forget()
+        elif math.isnan(speed + readings.yaw_rate):
+            self.inertial.miss(now_s)
+        else:
             self.inertial.watch(speed, readings.yaw_rate, felt, now_s)
         rate, deviation = self._turning(readings)
         seen = self._seen_borders(readings)
@@ -107,10 +121,10 @@ class Estimator:
             yaw_rate=rate,
             gyro_deviation=deviation,
             wheel=wheel,
-            felt=self._at_rear(felt, self._rate if rate is None else rate, dt),
+            felt=self._at_rear(felt, self._sway(readings, rate), dt),
             blow=self.blow(felt),
             gyro_off=self._gyro_off(readings, seen, dt),
-            rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < 0.5,
+            rests=self.inertial.rests and not self.wheels.is_lost and abs(estimate) < RESTS,
             beacons=readings.beacons,
             borders=seen,
         )
@@ -161,14 +175,26 @@ class Estimator:
         rate = float(self.state[SPEED]) * math.tan(readings.steering) / self._vehicle.wheelbase
         return rate + float(self.state[BIAS]), STEERED + STEERED_SHARE * abs(rate)
 
+    def _sway(self, readings: Readings, rate: float | None) -> float:
+        """Return how the middle of the kart sways aside as it turns faster [m/s²], 0 if untold.
+
+        Two rates of one sensor tell it, over the time between them: a message may be missing.
+        """
+        if rate is None:
+            return 0.0
+        now_s, is_gyro = readings.time_s, not math.isnan(readings.yaw_rate)
+        was, then_s = self._rates.get(is_gyro, (rate, now_s))
+        self._rates[is_gyro] = rate, now_s
+        return self._vehicle.rear_axle * (rate - was) / (now_s - then_s) if now_s > then_s else 0.0
+
     def _at_rear(
-        self, felt: tuple[float, float] | None, rate: float, dt: float
+        self, felt: tuple[float, float] | None, sway: float, dt: float
     ) -> tuple[float, float] | None:
         """Return what the accelerometer would feel over the rear axle, but for turning [m/s²]."""
         if felt is None or dt <= 0.0:
             return None
         ahead, left = felt[0] - self.inertial.bias[0], felt[1] - self.inertial.bias[1]
-        return float(ahead), float(left - self._vehicle.rear_axle * (rate - self._rate) / dt)
+        return float(ahead), float(left - sway)
 
     def blow(self, felt: tuple[float, float] | None) -> float:
         """Return the acceleration [m/s²] that no tyre can have caused, 0 for none."""

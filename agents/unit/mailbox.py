@@ -87,8 +87,12 @@ class Freshness:
     since_s: float = -float("inf")
 
     def note(self, mail: Mail | None, now_s: float) -> bool:
-        """Take what was read; return whether it is new. A counter that stands still is silence."""
-        if mail is None or mail.counter == self.counter:
+        """Take what was read; return whether it is new.
+
+        A counter that stands still is silence, and an older one is what the writer has left whole
+        while it writes over the newest. 64 bits never turn over.
+        """
+        if mail is None or mail.counter <= self.counter:
             return False
         self.counter, self.since_s = mail.counter, now_s
         return True

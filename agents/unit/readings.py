@@ -10,6 +10,8 @@ from race_server.core.messages import Source
 
 # In a second. `race_server.core.clock` has the same, but imports `time`, which no unit may.
 MICROSECONDS = 1_000_000
+# Rays of a lidar at most. `race_server.scenario.sensors` has the same, which no unit may import.
+MOST_RAYS = 2048
 
 
 @dataclass(frozen=True)

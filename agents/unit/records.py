@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.orders import GivenOrders, Orders
+from race_agents.unit.readings import MOST_RAYS
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
 from race_server.core.peer import Peer
@@ -28,7 +29,6 @@ MOST_WORD = WORD.size + MOST_TOLD * PEER.size
 # pose and of the alert, what the server's clock was [µs]; the pose; the danger; the sensors; the
 # heading's deviation, the link's age and the battery, below 0 where they are not known; braking.
 REPORT = struct.Struct("<8BIIQQQ9d4d8B4d")
-MOST_RAYS = 1024
 IDLE, QUIET = Control(brake=1.0), Alert(0)
 MOST_REPORT = REPORT.size + 8 * MOST_RAYS
 

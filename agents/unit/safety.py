@@ -271,7 +271,8 @@ def combine(
     game_speed, thrust: the game's cap [m/s] and its share of the motor. The least throttle and the
     most brake count; steering stays the driver's.
     """
-    allowed, brake, motor, causes = game_speed, driver.brake, min(thrust, 1.0), 0
+    allowed, brake, causes = game_speed, driver.brake, 0
+    motor = max(0.0, min(thrust, 1.0))  # a share below 0 would turn the pedal round
     for verdict in verdicts:
         allowed, motor = min(allowed, verdict.speed), min(motor, verdict.motor)
         brake = max(brake, verdict.brake)

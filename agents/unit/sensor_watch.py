@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.limits import Limits
-from race_agents.unit.readings import Fix, Range, Readings
+from race_agents.unit.readings import MOST_RAYS, Fix, Range, Readings
 from race_agents.unit.safety import Echoes
+from race_agents.unit.seen_motion import MOST_SPEED, SeenMotion
 from race_server.core import codes
 from race_server.core.messages import RayHit
 from race_server.core.telemetry import Sensor, SensorState
@@ -34,17 +35,13 @@ SILENT_S = {
 STUCK_S = 0.25
 # From this speed [m/s] on no sensor's noise is small enough to repeat itself.
 MOVES = 2.0
-# A steering angle may stand still; but not while more than this [rad] is asked for, this long [s].
+# A steering angle may stand still, but not once one that differs by more than this [rad] has been
+# asked for during this time [s].
 ASKED, ASKED_S = 0.05, 0.5
 # Beyond any kart: turning rate [rad/s], acceleration [g], steering angle [rad], place [m].
 MOST_TURN, MOST_FELT, MOST_ANGLE, MOST_PLACE = 20.0, 100.0, 1.5, 1e6
-# Beyond any heading [rad], any speed of a receiver [m/s], any time of its clock [s].
-MOST_HEADING, MOST_SPEED, MOST_STAMP = 1e3, 200.0, 1e12
-# Borders tell the kart's own speed by this number of echoes at least, within this angle [rad] of
-# its nose, and that is known for this long [s].
-BORDERS, FRONT, SEEN_S = 4, 0.8, 0.6
-# Two fixes this long [s] apart tell how far the kart came, less this multiple of their deviation.
-APART_S, SURE = 0.5, 6.0
+# Beyond any heading [rad], any time of a receiver's clock [s].
+MOST_HEADING, MOST_STAMP = 1e3, 1e12
 # A kart without one of these cannot see people, and stands.
 EYES = (Sensor.RADAR,)
 # … and without one of these it does not know how it moves, and crawls.
@@ -75,12 +72,15 @@ class SensorWatch:
     """The state of all sensors of a kart."""
 
     vehicle: Vehicle
+    seen: SeenMotion = field(init=False)
     _lines: dict[Sensor, Line] = field(default_factory=lambda: {each: Line() for each in Sensor})
     _began_s: float | None = None
     _now_s: float = 0.0
     _believed_s: dict[Sensor, float] = field(default_factory=dict)
-    _seen: tuple[float, float] = (-math.inf, 0.0)  # when something told a speed, and it [m/s]
-    _place: tuple[float, float, float] | None = None  # when and where [m] the kart was by a fix
+
+    def __post_init__(self) -> None:
+        """Have seen no motion."""
+        self.seen = SeenMotion(Limits.of(self.vehicle).nose)
 
     def take(self, readings: Readings, speed: float, asked: float) -> Readings:
         """Return what of some readings can be used.
@@ -95,6 +95,8 @@ class SensorWatch:
         self._believed_s = {each: min(at, now_s) for each, at in self._believed_s.items()}
         moves = STUCK_S if self._moves(readings, speed) else None
         lags = ASKED_S if abs(readings.steering - asked) > ASKED else None
+        if lags is None:  # it stood still rightly until now
+            self._lines[Sensor.STEERING].since_s = now_s
         felt = readings.acceleration
         if felt is not None and not _are_within(felt, MOST_FELT * GRAVITY):
             felt = None
@@ -104,8 +106,9 @@ class SensorWatch:
         if beacons:
             self._lines[Sensor.BEACONS].note(beacons, now_s, None)
         ranges = readings.ranges
-        if ranges is not None and not bool(np.isfinite(ranges).all()):
-            ranges = None
+        if ranges is not None:
+            is_sound = len(ranges) <= MOST_RAYS and bool(np.isfinite(ranges).all())
+            ranges = ranges if is_sound else None
         if ranges is not None:
             self._lines[Sensor.LIDAR].note(ranges.tobytes(), now_s, moves)
         return replace(
@@ -120,46 +123,15 @@ class SensorWatch:
             echoes=self._echoes(readings.echoes, moves),
             beacons=beacons,
             ranges=ranges,
+            battery=_charge_of(readings.battery),
         )
 
     def _moves(self, readings: Readings, speed: float) -> bool:
-        """Return whether the kart drives, by its estimate or by what needs no wheels.
-
-        An estimate follows wheels that tell a stand. Borders come nearer, and fixes go on.
-        """
+        """Return whether the kart drives, by its estimate or by what needs no wheels."""
         if abs(speed) > MOVES:
             return True
-        told = [
-            None if readings.echoes is None else self._speed_by_borders(readings.echoes),
-            None if readings.fix is None else self._speed_by_fixes(readings.fix),
-        ]
-        if known := [each for each in told if each is not None and abs(each) <= MOST_SPEED]:
-            self._seen = self._now_s, max(known)
-        at, seen = self._seen
-        is_fresh = 0.0 <= self._now_s - at <= SEEN_S
-        return is_fresh and seen > MOVES
-
-    def _speed_by_fixes(self, fix: Fix) -> float | None:
-        """Return the speed [m/s] that a fix tells, or else the way since an earlier one."""
-        if fix.speed is not None:
-            return fix.speed
-        now_s, was = self._now_s, self._place
-        if was is None or not 0.0 <= now_s - was[0] <= 2.0 * APART_S:
-            self._place = now_s, fix.x, fix.y
-            return None
-        if now_s - was[0] < APART_S:
-            return None
-        self._place = now_s, fix.x, fix.y
-        way = math.hypot(fix.x - was[1], fix.y - was[2]) - SURE * fix.deviation
-        return max(way, 0.0) / (now_s - was[0])
-
-    def _speed_by_borders(self, echoes: Echoes) -> float | None:
-        """Return the speed [m/s] at which borders come nearer, None where few are seen."""
-        ways = np.arctan2(echoes.y, echoes.x - Limits.of(self.vehicle).nose)
-        used = (echoes.kinds == codes.BORDER) & (np.abs(ways) < FRONT)
-        if np.count_nonzero(used) < BORDERS:
-            return None
-        return float(np.median(echoes.closing[used] / np.cos(ways[used])))
+        self.seen.take(readings)
+        return self.seen.speed(self._now_s) > MOVES
 
     def _number(self, sensor: Sensor, value: float, most: float, stuck_s: float | None) -> float:
         """Return a number of the bus, NaN where it cannot be used."""
@@ -253,6 +225,11 @@ def _sound_of(fix: Fix) -> Fix | None:
         if _are_within(stamps, MOST_STAMP)
         else replace(fix, stamp_s=None, stamp_deviation_s=0.0)
     )
+
+
+def _charge_of(battery: float | None) -> float | None:
+    """Return a charge within [0, 1], None for what is no number; gauges overshoot a little."""
+    return None if battery is None or math.isnan(battery) else min(max(battery, 0.0), 1.0)
 
 
 def _is_sound(beacon: Range) -> bool:

@@ -45,6 +45,10 @@ class Wheels:
         speed: of the wheels; estimate: of the kart, as far as it is known without them [m/s]; pull:
         its acceleration ahead [m/s²], under which wheels slip.
         """
+        if self._recent and time_s < self._recent[-1][0]:  # the clock was set back
+            self._recent.clear()
+            self._lost_s = time_s if self.is_lost else math.inf
+            self._agree_s = math.inf
         self._recent.append((time_s, speed))
         while time_s - self._recent[0][0] > WINDOW_S:
             self._recent.popleft()

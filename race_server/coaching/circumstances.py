@@ -16,6 +16,7 @@ class Circumstances:
     is_clean: bool  # no wall, no short cut, no rescue, not off the course
     contacts: int = 0  # with karts
     hits: int = 0  # by items
+    effect_s: float = 0.0  # under an effect of an item: used on itself, or of a hit before the lap
     caution_s: float = 0.0  # under a yellow or red flag
     traffic_s: float = 0.0  # with a kart less than TRAFFIC_S ahead
 
@@ -27,6 +28,7 @@ class Circumstances:
             (not self.is_clean, "not clean"),
             (self.contacts > 0, "touched a kart"),
             (self.hits > 0, "hit by an item"),
+            (self.effect_s > 0.0, f"{self.effect_s:.1f} s under an item's effect"),
             (self.caution_s > BRIEFLY_S, f"{self.caution_s:.1f} s under a flag"),
             (self.traffic_s > BRIEFLY_S, f"{self.traffic_s:.1f} s in traffic"),
         )

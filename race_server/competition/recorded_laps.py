@@ -60,9 +60,11 @@ class _Seat:
         self.notes.append(note_of(since_lights, body, racer))
         spent, now = (session.tick - self._noted) * TICK_S, self._now
         self._noted = session.tick
+        acts = bool((world.players["effects"]["source"][0, self.number] > 0).any())
         cautioned = racer.yellow or world.races[0].flag in (Flag.YELLOW, Flag.RED)
         self._now = replace(
             now,
+            effect_s=now.effect_s + spent * acts,
             caution_s=now.caution_s + spent * bool(cautioned),
             traffic_s=now.traffic_s + spent * (gap_s < TRAFFIC_S),
         )

@@ -65,6 +65,12 @@ def straight(turn: int, fix: Fix | None, acceleration: tuple[float, float] | Non
     return Readings(turn * STEP, 10.0, 0.0, 0.0, acceleration, fix)
 
 
+def test_a_kart_knows_its_place_no_better_than_its_first_fix_told_it() -> None:
+    for told, known in ((5.0, 5.0), (0.02, 1.0)):  # in each of two directions
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, told), 0.0, 0.0)
+        assert estimator.deviation == pytest.approx(math.sqrt(2.0) * known)
+
+
 def test_a_fix_that_comes_late_counts_as_if_it_had_come_in_time() -> None:
     # East at 10 m/s; each fix is told at once, or 0.2 s later with its stamp.
     states = []
@@ -182,8 +188,50 @@ def test_what_gyro_and_accelerometer_say_at_rest_is_their_error() -> None:
         inertial.watch(0.0, 0.02, (felt[0], felt[1]), turn * STEP)
     assert inertial.rests
     assert inertial.bias == pytest.approx([0.4, -0.2], abs=0.1)
-    inertial.watch(1.0, 0.02, (0.4, -0.2), 2.0)
+    inertial.miss(2.0)
+    assert not inertial.rests  # nothing told so, for a moment
+    inertial.watch(0.0, 0.02, (0.4, -0.2), 2.02)
+    assert inertial.rests
+    inertial.miss(2.1)  # 0.08 s: it may have driven off meanwhile
+    inertial.watch(0.0, 0.02, (0.4, -0.2), 2.12)
     assert not inertial.rests
+    inertial.watch(1.0, 0.02, (0.4, -0.2), 2.14)
+    assert not inertial.rests
+
+
+def test_a_message_of_the_bus_that_is_missing_does_not_take_a_bend_for_a_jolt() -> None:
+    # 10 m/s, 0.6 rad/s: 6 m/s² across. Each tenth time nothing comes from wheels, gyro, steering.
+    speed, rate, none = 10.0, 0.6, math.nan
+    estimator = Estimator(
+        KART_60, Fix(KART_60.rear_axle, 0.0, 0.02, heading=0.0), 0.0, 0.0, compliance=0.0
+    )
+    estimator.filter.state[[SPEED, YAW_RATE]] = speed, rate
+    felt = -KART_60.rear_axle * rate**2, speed * rate
+    steering = math.atan(rate * KART_60.wheelbase / speed)
+    slides = []
+    for turn in range(1, 201):
+        told = (speed, rate, steering) if turn % 10 else (none, none, none)
+        estimator.sense(Readings(0.01 * turn, *told, felt))
+        slides.append(abs(float(estimator.state[motion.SLIDE])))
+    assert max(slides[50:]) < 0.05
+
+
+def test_a_gyro_that_speaks_again_tells_its_change_over_the_time_of_its_silence() -> None:
+    # From 0 to 0.5 rad/s within 0.1 s in which it was silent: 5 rad/s², and not 50 for a moment.
+    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.02), 0.0, 0.0)
+    for turn, rate in enumerate([0.0, *[math.nan] * 9, 0.5], start=1):
+        tick = estimator._tick(Readings(0.01 * turn, 5.0, rate, math.nan, (0.0, 0.0)), 0.0)
+        estimator._time_s = 0.01 * turn
+        assert tick.felt is not None
+        expected = -5.0 * KART_60.rear_axle if rate == 0.5 else 0.0
+        assert tick.felt[1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_wheels_that_tell_a_metre_a_second_less_than_is_seen_are_not_used() -> None:
+    for seen, is_used in ((0.0, True), (0.9, True), (1.1, False)):
+        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.02), 0.0, 0.0)
+        tick = estimator._tick(Readings(0.01, 0.0, 0.0, 0.0), seen)
+        assert (tick.wheel is not None) == is_used
 
 
 def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
@@ -196,6 +244,19 @@ def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
     assert all(told[:20])
     assert not any(told[20:54])
     assert all(told[62:])
+
+
+def test_wheels_that_lock_after_the_clock_was_set_back_are_noticed() -> None:
+    wheels = Wheels.of(KART_60)
+    for turn in range(50):
+        assert wheels.trusted(12.0, 12.0, 0.0, 5000.0 + turn * STEP) is not None
+    for turn in range(50):
+        assert wheels.trusted(12.0, 12.0, 0.0, 1400.0 + turn * STEP) is not None
+    told = [wheels.trusted(0.0, 12.0, -5.0, 1401.0 + turn * STEP) for turn in range(5)]
+    assert None in told
+    # Nor are they lost for ever where they were lost before it.
+    again = [wheels.trusted(12.0, 12.0, 0.0, 100.0 + turn * STEP) for turn in range(10)]
+    assert again[-1] is not None
 
 
 def test_a_kart_with_locked_wheels_keeps_its_place_by_what_it_feels() -> None:

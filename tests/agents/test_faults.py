@@ -10,8 +10,10 @@ from race_agents.plant.fault_drill import measure, names
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import Echoes
 from race_agents.unit.sensor_watch import SensorWatch
-from race_server.core.telemetry import Sensor, SensorState
+from race_server.core.alert import Alert
+from race_server.core.telemetry import Health, Sensor, SensorState, Telemetry
 from race_server.core.vehicle_presets import KART_60
+from race_server.net.wire.telemetry import TelemetryFrame, decode_telemetry, encode_telemetry
 
 WELL, SILENT, STUCK = SensorState.WELL, SensorState.SILENT, SensorState.STUCK
 
@@ -65,6 +67,34 @@ def test_a_sensor_that_fails_is_found_and_no_other(
     assert failed == {sensor}
     assert watch.is_blind == (sensor is Sensor.RADAR)
     assert watch.is_lame == (sensor in {Sensor.WHEELS, Sensor.GYRO, Sensor.ACCELEROMETER})
+
+
+def test_a_steering_that_stood_still_on_a_straight_is_stuck_half_a_second_after_it_lags() -> None:
+    # Straight on for 2 s, to the last digit; then 0.1 rad is asked for, and nothing moves.
+    watch, shown = SensorWatch(KART_60), []
+    for turn in range(200):
+        asked = 0.1 if turn >= 100 else 0.0
+        watch.take(replace(readings_at(turn), steering=0.0), 10.0, asked)
+        if watch.state(Sensor.STEERING) is STUCK:
+            shown.append(0.02 * turn - 2.0)
+    assert shown[0] == pytest.approx(0.5, abs=0.021)
+    assert watch.is_lame
+    # One that moves at last is well.
+    watch.take(replace(readings_at(200), steering=0.05), 10.0, 0.1)
+    assert watch.state(Sensor.STEERING) is WELL
+
+
+@pytest.mark.parametrize(
+    ("told", "used"), [(0.5, 0.5), (1.004, 1.0), (-0.01, 0.0), (math.nan, None), (None, None)]
+)
+def test_a_charge_that_cannot_be_takes_no_kart_off_the_pit_wall(
+    told: float | None, used: float | None
+) -> None:
+    watch = SensorWatch(KART_60)
+    charge = watch.take(replace(readings_at(0), battery=told), 0.0, 0.0).battery
+    assert charge == used
+    told_up = TelemetryFrame(1, 1, Telemetry.of(None, Alert(5), Health(battery=charge)))
+    assert decode_telemetry(encode_telemetry(told_up)).telemetry.health.battery == used
 
 
 def test_an_empty_place_looks_the_same_again_and_a_kart_without_a_radar_is_blind() -> None:

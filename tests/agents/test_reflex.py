@@ -77,6 +77,12 @@ def test_full_throttle_does_not_help_against_the_reflex() -> None:
     assert command.cause is Cause.OBSTACLE
 
 
+def test_no_share_of_the_motor_turns_the_pedal_round() -> None:
+    for pedal in (1.0, -1.0):
+        command = combine(Control(0.0, pedal), 0.0, [Verdict()], LIMITS, thrust=-1.0)
+        assert command.throttle == 0.0
+
+
 def test_no_message_of_the_game_makes_a_kart_faster() -> None:
     for chance in (random.Random(seed) for seed in range(300)):
         verdict = Verdict(

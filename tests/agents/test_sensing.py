@@ -8,7 +8,7 @@ from io import BytesIO
 import can
 import pytest
 from pynmeagps import NMEAMessage
-from pyubx2 import GET, UBXMessage
+from pyubx2 import GET, UBXMessage, UBXReader
 
 from race_agents.sensing.bus import (
     COMMAND,
@@ -67,14 +67,50 @@ def test_a_pulse_gives_fixes_their_stamp() -> None:
     assert fix.stamp_s == pytest.approx(5001.0)
 
 
-def test_two_antennas_tell_the_heading_of_the_same_moment() -> None:
+def relative(at_ms: int = 100_000) -> bytes:
+    """Return the message of two antennas that face north-east."""
     fields = {"version": 1, "relPosHeading": 45.0, "accHeading": 0.5, "carrSoln": 2}
     valid = {"gnssFixOK": 1, "relPosValid": 1, "relPosHeadingValid": 1}
-    relative = UBXMessage("NAV", "NAV-RELPOSNED", GET, iTOW=100_000, **fields, **valid)
-    both, later = GnssReader(HALL).read(BytesIO(relative.serialize() + pvt() + pvt(iTOW=100_100)))
+    return UBXMessage("NAV", "NAV-RELPOSNED", GET, iTOW=at_ms, **fields, **valid).serialize()
+
+
+def test_two_antennas_tell_the_heading_of_the_same_moment() -> None:
+    both, later = GnssReader(HALL).read(BytesIO(relative() + pvt() + pvt(iTOW=100_100)))
     assert both.heading == pytest.approx(math.pi / 4.0)
     assert both.heading_deviation == pytest.approx(math.radians(0.5), abs=1e-6)
     assert later.heading is None
+
+
+@pytest.mark.parametrize("is_place_first", [True, False])
+def test_heading_and_place_of_a_moment_come_in_any_order(is_place_first: bool) -> None:
+    stream = b""
+    for at_ms in range(100_000, 100_500, 100):
+        pair = [pvt(iTOW=at_ms), relative(at_ms)]
+        stream += b"".join(pair if is_place_first else pair[::-1])
+    fixes = list(GnssReader(HALL).read(BytesIO(stream)))
+    assert [fix.heading for fix in fixes] == pytest.approx([math.pi / 4.0] * 5)
+
+
+def read_one_by_one(*messages: bytes) -> list[int]:
+    """Return how many fixes each message completes."""
+    reader = GnssReader(HALL)
+    return [len(reader.take(UBXReader.parse(each))) for each in messages]
+
+
+def test_a_fix_is_given_with_the_last_message_of_its_moment_and_does_not_wait_for_the_next() -> (
+    None
+):
+    moments = [(pvt(iTOW=at_ms), relative(at_ms)) for at_ms in (100_000, 100_100, 100_200)]
+    # Of the first moment nothing is known yet: it is given as the second begins.
+    assert read_one_by_one(*moments[0], *moments[1], *moments[2]) == [0, 0, 1, 1, 0, 1]
+    # Where the heading is missing once, the place is given as the next moment begins.
+    assert read_one_by_one(*moments[0], moments[1][0], *moments[2]) == [0, 0, 1, 1, 1]
+
+
+def test_the_end_of_a_moment_gives_its_fix_and_a_moment_long_past_gives_none() -> None:
+    end = UBXMessage("NAV", "NAV-EOE", GET, iTOW=100_000).serialize()
+    assert read_one_by_one(pvt(), end) == [0, 1]
+    assert read_one_by_one(pvt(), pvt(iTOW=100_600)) == [0, 1]  # the second one
 
 
 def test_what_is_no_fix_is_none_and_satellites_alone_are_said_to_be() -> None:
@@ -84,14 +120,15 @@ def test_what_is_no_fix_is_none_and_satellites_alone_are_said_to_be() -> None:
     assert fix.deviation == pytest.approx(1.414, abs=1e-3)
 
 
-def nmea(quality: int, *, at: str = "00:01:22.2") -> bytes:
+def nmea(quality: int, *, at: str = "00:01:22.2", order: str = "RMC GST GGA") -> bytes:
     when = {"time": at}
     place = {"lat": 48.801, "NS": "N", "lon": 2.3, "EW": "E"}
     rest = {"alt": 0.0, "altUnit": "M", "sep": 0.0, "sepUnit": "M"}
     rmc = NMEAMessage("GN", "RMC", 0, **when, status="A", **place, spd=20.0, cog=0.0)
     gst = NMEAMessage("GN", "GST", 0, **when, stdLat=0.03, stdLong=0.02, stdAlt=0.05)
     gga = NMEAMessage("GN", "GGA", 0, **when, **place, quality=quality, numSV=12, HDOP=0.6, **rest)
-    return b"".join(message.serialize() for message in (rmc, gst, gga))
+    told = {"RMC": rmc, "GST": gst, "GGA": gga}
+    return b"".join(told[name].serialize() for name in order.split())
 
 
 def test_three_sentences_of_nmea_make_one_fix() -> None:
@@ -104,6 +141,14 @@ def test_three_sentences_of_nmea_make_one_fix() -> None:
     assert fix.course == pytest.approx(0.5 * math.pi)
     assert fix.stamp_s == pytest.approx(5000.2)
     assert time(0, 1, 22).second == 22
+
+
+@pytest.mark.parametrize("order", ["RMC GST GGA", "GGA GST RMC", "RMC GGA GST", "GST GGA RMC"])
+def test_sentences_of_a_moment_come_in_any_order(order: str) -> None:
+    stream = b"".join(nmea(1, at=f"00:01:22.{tenth}", order=order) for tenth in range(4))
+    fixes = list(GnssReader(HALL).read(BytesIO(stream)))
+    assert [fix.deviation for fix in fixes] == [0.03] * 4
+    assert [fix.speed for fix in fixes] == pytest.approx([10.29] * 4, abs=0.01)
 
 
 def test_damaged_bytes_are_counted_and_what_follows_is_read() -> None:
@@ -140,14 +185,14 @@ def answer(*anchors: tuple[int, int, int, int, int, int]) -> bytes:
 
 
 def test_ranges_are_laid_into_the_plane() -> None:
-    # 5 m away and 3 m higher: 4 m in the plane.
+    # 5 m away and 3 m higher: 4 m in the plane, and 0.1 m of the one is 0.125 m of the other.
     (told,) = UwbReader().read(answer((1, 5000, 100, 1000, 2000, 3000)))
-    assert (told.x, told.y, told.distance, told.deviation) == pytest.approx((1.0, 2.0, 4.0, 0.1))
+    assert (told.x, told.y, told.distance, told.deviation) == pytest.approx((1.0, 2.0, 4.0, 0.125))
 
 
 def test_a_range_of_low_quality_is_wide_and_one_of_none_is_dropped() -> None:
     (wide,) = UwbReader().read(answer((1, 5000, 25, 0, 0, 0), (2, 5000, 0, 0, 0, 0)))
-    assert wide.deviation == pytest.approx(0.2)
+    assert wide.deviation == pytest.approx(0.2)  # it hangs as high as the tag
 
 
 def test_an_answer_that_is_cut_gives_no_ranges() -> None:

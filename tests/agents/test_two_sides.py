@@ -1,10 +1,13 @@
 """The two sides of a kart's program, and the mailboxes between them."""
 
 import contextlib
+import errno
 import math
 import subprocess
 import sys
+import time
 from dataclasses import replace
+from io import FileIO
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +15,25 @@ import pytest
 
 from race_agents.onboard.black_box import BlackBox, read_black_box
 from race_agents.onboard.incident_ring import IncidentRing
+from race_agents.onboard.kept_output import KeptOutput
 from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.encounter import FreeRun, OpenPlace
 from race_agents.plant.kart import Plant
 from race_agents.plant.radar import Surroundings
 from race_agents.plant.sensors import Sensors
+from race_agents.unit import readings
 from race_agents.unit.control_unit import ControlUnit
 from race_agents.unit.mailbox import CRC, HEAD, Freshness, Mailbox, size_of
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.records import Report, Word
+from race_agents.unit.sensor_watch import SensorWatch
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, RayHit, Source, Trust
 from race_server.core.peer import Peer
+from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicle_presets import KART_60
 from race_server.errors import RecordingError
+from race_server.scenario import sensors
 
 
 def test_the_newest_message_is_read_and_a_half_written_one_is_none() -> None:
@@ -64,6 +72,20 @@ def test_a_counter_that_stands_still_is_silence() -> None:
     assert fresh.since_s == 1.0
 
 
+def test_an_older_message_that_is_left_whole_is_no_new_one() -> None:
+    memory = bytearray(size_of(1))
+    box, fresh = Mailbox(memory, 1), Freshness()
+    for letter in (b"a", b"b"):
+        box.write(letter, 0.0)
+    assert fresh.note(box.read(), 1.0)
+    memory[box.place_of(2) + HEAD.size] ^= 0xFF  # the fourth is half written over the second
+    mail = box.read()
+    assert mail is not None
+    assert mail.data == b"a"
+    assert not fresh.note(mail, 2.0)
+    assert fresh.since_s == 1.0
+
+
 def test_words_and_reports_come_out_as_they_went_in() -> None:
     orders = GivenOrders(9.5, 0.5, 3, 70, 8, 0.25, 0.5, 1 << 40, 1.5, Flag.YELLOW, Trust.DOUBTFUL)
     word = Word(orders, 12.5, Control(0.25, -0.5, 0.125, Button.USE_ITEM), 7)
@@ -89,6 +111,20 @@ def test_words_and_reports_come_out_as_they_went_in() -> None:
     assert again.ranges is not None
     assert again.ranges.tolist() == [1.0, 0.0, 2.5]
     assert Report.unpack(Report().pack()).pose is None
+
+
+def test_the_largest_lidar_of_a_race_fits_and_a_larger_one_is_silent() -> None:
+    assert readings.MOST_RAYS == sensors.MOST_RAYS == 2048
+    boxes = Mailboxes.over(bytearray(Mailboxes.size()))
+    ranges = np.linspace(1.0, 2.0, 2048)
+    boxes.reports.write(Report(ranges=ranges).pack(), 1.0)
+    report = boxes.report()
+    assert report is not None
+    assert report.ranges == pytest.approx(ranges, abs=0.0)
+    watch = SensorWatch(KART_60)
+    told = readings.Readings(0.0, 0.0, 0.0, 0.0, ranges=np.ones(2049))
+    assert watch.take(told, 0.0, 0.0).ranges is None
+    assert watch.state(Sensor.LIDAR) is SensorState.ABSENT
 
 
 def driven_side() -> tuple[SafetySide, Plant, float]:
@@ -141,6 +177,17 @@ def test_a_side_that_nobody_talks_to_for_long_ends() -> None:
     assert side.is_alone(now_s + 11.0)
 
 
+def test_a_side_that_never_hears_a_word_ends_after_a_minute() -> None:
+    around = Surroundings(np.zeros((0, 4)))
+    plant = Plant.of(KART_60, around, (0.0, 0.0, 0.0), Sensors(), 1)
+    unit = ControlUnit.of(KART_60, OpenPlace())
+    side = SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size())))
+    assert not side.is_alone(1000.0)  # it has not turned yet
+    side.turn(1000.0)
+    assert not side.is_alone(1059.0)
+    assert side.is_alone(1061.0)
+
+
 def test_the_safety_process_of_a_plant_imports_no_network() -> None:
     program = (
         "import os, sys; os.environ['RACE_SERVER_INTERPRET'] = '1';"
@@ -175,6 +222,53 @@ def test_a_ring_keeps_the_minute_before_a_kart_brakes_by_itself(tmp_path: Path) 
     assert len(turns) == 30
     assert turns[0]["cause"] == []
     assert "game" in turns[-1]["cause"]
+
+
+def test_a_ring_holds_a_minute_also_after_the_clock_was_set_back() -> None:
+    ring, second = IncidentRing(), 1_000_000_000
+    ring.pass_on((5000 * second, {}), 5000.0, happens=True)
+    times = [*range(5011, 5100), *range(100, 300)]
+    assert not any(ring.pass_on((n * second, {}), float(n), happens=False) for n in times)
+    kept = ring.pass_on((300 * second, {}), 300.0, happens=True)
+    assert [at // second for at, _ in kept] == [*range(239, 301)]
+    # And ten seconds more, though the clock is set back just then.
+    after = [len(ring.pass_on((n * second, {}), float(n), happens=False)) for n in range(20, 40)]
+    assert after == [1] * 11 + [0] * 9
+
+
+def test_a_black_box_goes_on_once_a_full_disk_takes_more_and_says_so_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused: list[int] = []
+
+    class FullDisk(FileIO):
+        def write(self, data: bytes) -> int:
+            if len(refused) < 3:
+                refused.append(len(data))
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return super().write(data)
+
+    class Kept(KeptOutput):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            self._file = FullDisk(path, "w")
+
+    for name in ("FLUSH_S", "RETRY_S"):
+        monkeypatch.setattr(f"race_agents.onboard.black_box.{name}", 0.05)
+    monkeypatch.setattr("race_agents.onboard.black_box.KeptOutput", Kept)
+    side, _, now_s = driven_side()
+    with BlackBox(tmp_path / "kart.mcap") as box:
+        side.box = box
+        for turn in range(1, 31):
+            side.turn(now_s + 0.01 * turn)
+        deadline = time.monotonic() + 10.0
+        while len(refused) < 3 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        for turn in range(31, 41):
+            side.turn(now_s + 0.01 * turn)
+        side.box = None
+    assert len(list(read_black_box(tmp_path / "kart.mcap"))) == 40
+    assert capsys.readouterr().err.count("No space left on device") == 1
 
 
 def test_a_black_box_holds_each_turn_and_survives_a_torn_end(tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ class Drive:
     pull: float = 0.0
     steps: int = 0
     hears: bool = True
+    waits_s: float = 0.0  # before the driver's foot goes down
     clock_s: float = 100.0
     unit: ControlUnit = field(
         default_factory=lambda: ControlUnit.of(
@@ -71,7 +72,8 @@ class Drive:
         self.unit.sense(self.change(readings))
         if self.hears:
             self.unit.hear(GivenOrders(15.0, 1.0), self.clock_s)
-        self.unit.drive(Control(0.0, 1.0), self.clock_s)
+        foot = 1.0 if self.steps * STEP_S > self.waits_s else 0.0
+        self.unit.drive(Control(0.0, foot), self.clock_s)
         command = self.unit.decide(self.clock_s)
         self.pull = 4.0 * command.throttle - 9.0 * command.brake
 
@@ -140,6 +142,31 @@ def test_wheels_that_tell_a_stand_from_the_start_are_stuck_and_the_kart_crawls()
     drive.go(9.0)
     assert Cause.SENSOR in drive.unit.command.cause
     assert drive.speed < 5.0
+
+
+@pytest.mark.parametrize("sensor", ["wheel_speed", "yaw_rate"])
+def test_a_kart_whose_wheels_or_gyro_died_while_it_stood_crawls(sensor: str) -> None:
+    def dead(readings: Readings) -> Readings:
+        return replace(readings, **{sensor: math.nan}) if readings.time_s > 102.005 else readings
+
+    drive = Drive(change=dead, waits_s=3.0)
+    drive.go(2.0)
+    assert drive.unit.fusion is not None
+    assert drive.unit.fusion.inertial.rests
+    drive.go(6.0)
+    assert Cause.SENSOR in drive.unit.command.cause
+    assert drive.speed == pytest.approx(drive.unit.limits.slow_speed, abs=0.2)
+
+
+def test_a_kart_that_borders_and_fixes_see_moving_does_not_rest_whatever_its_wheels_tell() -> None:
+    drive = Drive(change=lambda readings: replace(readings, wheel_speed=0.0), waits_s=1.0)
+    drive.go(1.0)
+    assert drive.unit.fusion is not None
+    assert drive.unit.fusion.inertial.rests
+    while drive.speed < 0.7:
+        drive.pull = 1.0  # pushed so gently that what is felt may be noise
+        drive._step()
+    assert not drive.unit.fusion.inertial.rests
 
 
 def test_a_kart_without_fresh_scans_of_its_lidar_does_not_know_what_they_showed() -> None:

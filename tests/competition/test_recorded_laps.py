@@ -84,6 +84,27 @@ def test_a_contact_is_one_of_both_karts(
     assert contacts == {(0, 1): 1, (0, 2): 0, (1, 1): 1, (1, 2): 0}
 
 
+@pytest.mark.net
+def test_the_time_under_a_boost_counts_where_no_event_tells_of_a_hit(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Boosted(Rerun):
+        """The race as it was; for a second the first kart is shown with an effect on it."""
+
+        def run(self, most_ticks: int = 60) -> Iterator[list[Event]]:
+            slot = self.session.world.players["effects"][0, 0, 0:1]
+            for events in super().run(most_ticks):
+                slot["source"] = 60 < self.session.tick <= 120
+                yield events
+                slot["source"] = 0
+
+    monkeypatch.setattr(laps_of_recordings, "Rerun", Boosted)
+    found = recorded_laps(recording)
+    assert found.remark == ""
+    told = {(one.seat, one.lap.number): one.circumstances.effect_s for one in found.laps}
+    assert told == {(0, 1): pytest.approx(1.0), (0, 2): 0.0, (1, 1): 0.0, (1, 2): 0.0}
+
+
 def with_inputs_at_every_tick(recording: Recording) -> Recording:
     """Return a recording in which each input is repeated at every tick until the next one."""
     inputs = {entry.tick: entry for entry in recording.entries if isinstance(entry, Inputs)}
@@ -124,6 +145,7 @@ def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:
         (Circumstances(False, True), "from the start"),
         (Circumstances(True, False, contacts=1), "not clean, touched a kart"),
         (Circumstances(True, True, hits=1), "hit by an item"),
+        (Circumstances(True, True, effect_s=0.2), "0.2 s under an item's effect"),
         (Circumstances(True, True, traffic_s=3.0), "3.0 s in traffic"),
         (Circumstances(True, True, caution_s=2.5), "2.5 s under a flag"),
     ],

@@ -13,18 +13,14 @@ from race_agents.onboard.client import take_part
 from race_agents.onboard.grounds import fence_of
 from race_agents.onboard.kart import KartHere
 from race_agents.onboard.program import KartProgram
-from race_agents.onboard.safety_side import Mailboxes, SafetySide
 from race_agents.plant.body import Body
 from race_agents.plant.incident import FastestSpeed, is_view_clear
 from race_agents.plant.kart import Plant
-from race_agents.plant.radar import Person, Surroundings
-from race_agents.plant.sensors import Sensors
-from race_agents.unit.control_unit import ControlUnit
+from race_agents.plant.radar import Person
 from race_agents.unit.readings import Readings
 from race_agents.unit.safety import Command
 from race_server.competition.launch import free_address
-from race_server.core.messages import Control, Flag, Trust
-from race_server.core.observation import Observation
+from race_server.core.messages import Flag, Trust
 from race_server.core.telemetry import Sensor, SensorState
 from race_server.core.vehicle_presets import KART_30, TT02
 from race_server.errors import SeatError
@@ -39,32 +35,12 @@ from race_server.net.wire.telemetry import decode_telemetries
 from race_server.scenario.race import ABSENT
 from race_server.tools.drills.mixed import judge_both, way_to_stop
 from support.courses import SMALL_RING
+from support.real_karts import Gentle, kart_of
 from support.servers import running, waiting
 from support.sessions import session_on_ring
 
 pytestmark = pytest.mark.net
 WELL, SILENT = SensorState.WELL, SensorState.SILENT
-
-
-class Gentle:
-    """Drives straight on with a light foot."""
-
-    preset = "track"
-
-    def reset(self, briefing: object) -> None:
-        pass
-
-    def act(self, seen: Observation) -> Control:
-        return Control(0.0, 0.3 if seen.scalar("lights") == 0.0 else 0.0)
-
-
-def kart_of(seat: ClientSeat, sheet: CourseSheet, link: ClientLink) -> KartHere:
-    del link
-    x, y, heading = (float(value) for value in sheet.grid[seat.number])
-    vehicle = seat.welcome.briefing.vehicle
-    plant = Plant.of(vehicle, Surroundings(sheet.borders), (x, y, heading), Sensors(), seed=1)
-    unit = ControlUnit.of(vehicle, fence_of(sheet))
-    return KartHere(SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size()))))
 
 
 class Unplugged:

@@ -86,6 +86,30 @@ def test_a_clock_that_was_set_anew_is_measured_anew() -> None:
     assert clock.offset_us == 61_020_000
 
 
+@pytest.mark.parametrize("step_s", [-1.0, -0.2, 0.2, 1.0])
+def test_a_clock_that_steps_by_less_than_two_seconds_is_known_after_five_messages(
+    step_s: float,
+) -> None:
+    # 50 messages a second that take 20 ms each way; after 10 s the kart's clock steps.
+    clock, step_us = LinkClock(), round(step_s * 1e6)
+    for number in range(505):
+        sent_us = 20_000 * number
+        arrived_us = sent_us + 20_000
+        stamp_us = sent_us + (step_us if number >= 500 else 0)
+        clock.record(1_000_000 + stamp_us, 1_000_000 + arrived_us, 1_000_000 + sent_us - 20_000)
+        assert clock.offset_us == (0 if number < 504 else -step_us)
+
+
+def test_a_link_on_which_messages_wait_is_no_clock_that_was_set() -> None:
+    # From 20 ms each way to 0.6 s up and 20 ms down: longer, but no longer than the round trip.
+    clock = LinkClock()
+    for number in range(600):
+        up_us = 600_000 if number >= 500 else 20_000
+        sent_us = 1_000_000 + 20_000 * number
+        clock.record(sent_us, sent_us + up_us, sent_us - 20_000)
+        assert clock.offset_us == 0
+
+
 def test_orders_stay_open_until_the_newest_is_acknowledged() -> None:
     orders = Orders()
     orders.change((3.0,), 0)
