@@ -93,22 +93,28 @@ class BlackBox:
 
     def _work(self) -> None:
         """Write until the last turn; runs in the thread."""
-        flushed, is_open = time.monotonic(), True
-        while is_open:
+        try:
+            if self._write_turns():
+                self._writer.finish()
+                self._drain()
+        finally:
+            with contextlib.suppress(OSError):
+                self._file.close()
+
+    def _write_turns(self) -> bool:
+        """Write turns as they come, up to the last; False if the kart ends on a full disk."""
+        flushed = time.monotonic()
+        while True:
             with contextlib.suppress(queue.Empty):
                 noted = self._queue.get(FLUSH_S)
-                is_open = noted is not None
-                if noted is not None:
-                    self._write(noted)
+                if noted is None:
+                    return True
+                self._write(noted)
             if time.monotonic() - flushed > FLUSH_S:
                 self._writer.flush()
                 if not self._drain():
-                    return
+                    return False
                 flushed = time.monotonic()
-        self._writer.finish()
-        self._drain()
-        with contextlib.suppress(OSError):
-            self._file.close()
 
     def _drain(self) -> bool:
         """Hand to the disk what is written, until it takes it; False if the kart ends before."""

@@ -51,7 +51,7 @@ def test_where_a_kart_came_too_near_it_is_3_percent_slower_on_the_way_there() ->
     # 1.2 s at 5 m/s are 6 m.
     assert lap.speed_at(50.0 - 6.0) == pytest.approx(0.97 * 5.0)
     assert lap.speed_at(50.0 - 2.0) == pytest.approx(0.97 * 5.0)
-    assert lap.speed_at(50.0 - 10.0) == lap.speed_at(50.0 + 2.0) == 5.0
+    assert lap.speed_at(50.0 - 12.0) == lap.speed_at(50.0 + 2.0) == 5.0
 
 
 def test_what_lasts_counts_once_and_each_further_lap_again_up_to_12_percent() -> None:

@@ -251,6 +251,7 @@ def test_a_black_box_goes_on_once_a_full_disk_takes_more_and_says_so_once(
     class Kept(KeptOutput):
         def __init__(self, path: Path) -> None:
             super().__init__(path)
+            self._file.close()
             self._file = FullDisk(path, "w")
 
     for name in ("FLUSH_S", "RETRY_S"):
