@@ -6,6 +6,7 @@ the way there from then on, and slower still where it does so again.
 
 import math
 
+from race_agents.planning.clearance import reach_aside
 from race_agents.planning.tactics import KARTS_X, SPEED
 from race_agents.planning.tracking import HEADING
 from race_agents.planning.traffic import KARTS_Y, LEFT, LIGHTS, OFFSET, RIGHT, STEP
@@ -52,12 +53,10 @@ def take_care(cockpit: Cockpit) -> None:
 @kernel
 def border_distance(cockpit: Cockpit) -> float:
     """Return the room [m] between the body and the nearer border beside it."""
-    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    inward = math.sin(observation[offsets[HEADING]])
-    nose, tail = 0.5 * vehicle.length + vehicle.box_offset, 0.5 * vehicle.length
-    offset, half = observation[offsets[OFFSET]], 0.5 * vehicle.width
-    left = observation[offsets[LEFT]] - offset - half - max(nose * inward, -tail * inward)
-    right = observation[offsets[RIGHT]] + offset - half - max(tail * inward, -nose * inward)
+    observation, offsets = cockpit.observation, cockpit.offsets
+    to_left, to_right = reach_aside(cockpit.vehicle, math.sin(observation[offsets[HEADING]]))
+    left = observation[offsets[LEFT]] - observation[offsets[OFFSET]] - to_left
+    right = observation[offsets[RIGHT]] + observation[offsets[OFFSET]] - to_right
     return min(left, right)
 
 

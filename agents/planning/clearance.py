@@ -9,8 +9,9 @@ from race_agents.planning.tactics import SPEED
 from race_agents.planning.traffic import LEFT, RIGHT, STEP
 from race_agents.planning.tyre_slip import grip_of, slide_of, slip_share, tyre_slip
 from race_server.core.kernel_driver import Cockpit
-from race_server.core.kernels.jit import large_kernel
+from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, PART_NUMBERS
+from race_server.core.state import Record
 
 CURVATURE = PART_NUMBERS["line_curvature_ahead"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
@@ -62,9 +63,7 @@ def lacking(cockpit: Cockpit, lane: float, index: int) -> float:
     slide = slide_of(vehicle, grip)
     slip = slip_share(cockpit.memory) * tyre_slip(used, slide)
     inward = slip - vehicle.rear_axle * abs(bend)  # where the nose points, beside the way
-    nose, tail = 0.5 * vehicle.length + vehicle.box_offset, 0.5 * vehicle.length
-    inner = 0.5 * vehicle.width + max(nose * inward, -tail * inward)
-    outer = 0.5 * vehicle.width + max(tail * inward, -nose * inward)
+    inner, outer = reach_aside(vehicle, inward)
     free = FREE_WIDTHS * vehicle.width + DOUBT * DOUBT_S * speed
     left, right = (inner, outer) if bend >= 0.0 else (outer, inner)
     left = max(left + free - (observation[offsets[LEFT] + index] - lane), 0.0)
@@ -72,3 +71,14 @@ def lacking(cockpit: Cockpit, lane: float, index: int) -> float:
     if left > 0.0 and right > 0.0:
         return 0.5 * (right - left)
     return right - left
+
+
+@kernel
+def reach_aside(vehicle: Record, turned: float) -> tuple[float, float]:
+    """Return how far [m] a body reaches beside its way, to the side that it is turned to first.
+
+    turned: by which angle [rad].
+    """
+    nose, tail = 0.5 * vehicle.length + vehicle.box_offset, 0.5 * vehicle.length
+    half = 0.5 * vehicle.width
+    return half + max(nose * turned, -tail * turned), half + max(tail * turned, -nose * turned)
