@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
-from race_server.cli.options import LAST_SEAT
+from race_server.core.bounds import LAST_SEAT
 from race_server.errors import KeysError, SeatError
 from race_server.terminal import say
 

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import LAST_SEAT, MOST_S
+from race_server.core.bounds import LAST_SEAT, MOST_S
 from race_server.errors import RaceError
 from race_server.terminal import Console, say
 

@@ -11,10 +11,6 @@ from race_server.errors import ScenarioError
 
 # More would be days of driving, or no number that a world keeps.
 MOST_LAPS = 100_000
-# A day: as long as a stage of a format may take. A clock overflows at numbers beyond reason [s].
-MOST_S = 86_400.0
-# The last seat of a session.
-LAST_SEAT = 63
 
 Track = Annotated[
     str,

@@ -7,7 +7,8 @@ import typer
 
 from race_server.cli.access import SESSION
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import LAST_SEAT, MOST_S, names_in
+from race_server.cli.options import names_in
+from race_server.core.bounds import LAST_SEAT, MOST_S
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 from race_server.terminal import Console

@@ -6,16 +6,14 @@ from typing import Annotated, Literal
 
 import typer
 
-from race_server.cli.options import LAST_SEAT, MOST_LAPS, MOST_S, Results, Track
+from race_server.cli.options import MOST_LAPS, Results, Track
+from race_server.core.bounds import MOST_KARTS, MOST_ROUNDS, MOST_S
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
 from race_server.net.transport import DEFAULT_ADDRESS
 
 # Encrypted, to all networks of this machine.
 OPEN_ADDRESS = "tls/0.0.0.0:7447"
-
-# Of a driver in a time trial, as a format may say.
-MOST_ATTEMPTS = 100
 
 Switch = Literal["on", "off"]
 # As in `live/server`, which imports the compiler.
@@ -73,7 +71,7 @@ class RaceOptions:
         int,
         typer.Option(
             min=0,
-            max=MOST_ATTEMPTS,
+            max=MOST_ROUNDS,
             help="With --format time-trial: attempts of each driver; 0: as it says.",
         ),
     ] = 0
@@ -108,7 +106,7 @@ class RaceOptions:
             help="With --format: seconds to get ready; a driver that is not there does not start.",
         ),
     ] = 60.0
-    karts: Annotated[int, typer.Option(min=1, max=LAST_SEAT + 1, help="Number of seats.")] = 8
+    karts: Annotated[int, typer.Option(min=1, max=MOST_KARTS, help="Number of seats.")] = 8
     laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps to the finish.")] = 3
     seed: Annotated[
         int, typer.Option(max=MOST_SEED, help="Seed of every random draw in the race.")
@@ -173,7 +171,7 @@ class ServeOptions(RaceOptions):
         int,
         typer.Option(
             min=-1,
-            max=LAST_SEAT + 1,
+            max=MOST_KARTS,
             help="Start once this many drivers are ready; -1: all seats, or 1 with --fill.",
         ),
     ] = -1

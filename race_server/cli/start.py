@@ -9,9 +9,10 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.event import newest_event, show_event
 from race_server.cli.option_fields import argv_of, expand_options
-from race_server.cli.options import MOST_S, Unfit, drivers_for, known_drivers, seeds_from
+from race_server.cli.options import Unfit, drivers_for, known_drivers, seeds_from
 from race_server.cli.outcome import show_result
 from race_server.cli.serve_options import VALET, RaceOptions, ServeOptions, check_pace
+from race_server.core.bounds import MOST_S
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 

@@ -13,11 +13,11 @@ from race_server.competition.race_day.formats.reader import format_of, words_of
 from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import RaceRecord, Team
+from race_server.core.bounds import MOST_KARTS
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
 from race_server.kept_file import free_aside
 from race_server.plain_data import made_of
-from race_server.scenario.race import MOST_KARTS
 from race_server.scenario.track.load import load_course
 from race_server.storage.whole_file import write_whole
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
 
+from race_server.core.bounds import MOST_KARTS
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.core.driver import driver_named
 from race_server.core.observation import wants_line
@@ -18,7 +19,7 @@ from race_server.envs.called_opponent import CalledOpponent
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ScenarioError
 from race_server.scenario.checked import check_number, check_whole
-from race_server.scenario.race import MOST_KARTS, Scenario
+from race_server.scenario.race import Scenario
 
 # Takes the world, the buffers of the batch, and the templates of the discipline.
 Kernel = Callable[[World, Buffers, Any], None]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from race_server.core import codes
+from race_server.core.bounds import MOST_KARTS
 from race_server.core.clock import ticks_of
 from race_server.core.level import Level
 from race_server.core.rules import edition
@@ -32,7 +33,6 @@ from race_server.scenario.track.lots import make_parking
 from race_server.scenario.track.route import pack_route
 from race_server.scenario.track.walls import fence_of, pack_walls
 
-MOST_KARTS = 64
 # In place of the sensors of a kart, or of its place on the grid: it does not take part.
 ABSENT = -1
 # A tick that never comes.

@@ -233,7 +233,8 @@ def test_an_event_that_could_not_be_read_again_is_refused_before_anyone_waits(
 
 def test_an_event_at_the_limits_of_its_options_is_read_again(tmp_path: Path) -> None:
     from race_server.cli.serve_event import event_of
-    from race_server.competition.race_day.formats.reader import MOST_S, format_of, words_of
+    from race_server.competition.race_day.formats.reader import format_of, words_of
+    from race_server.core.bounds import MOST_S
 
     options = ServeOptions(
         track="oval",

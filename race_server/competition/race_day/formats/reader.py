@@ -12,16 +12,15 @@ from race_server.competition.race_day.formats.format import (
     TimeTrial,
 )
 from race_server.competition.time_trial.run_spec import STARTS
+from race_server.core.bounds import MOST_KARTS, MOST_ROUNDS, MOST_S
 from race_server.errors import ScenarioError
-from race_server.scenario.race import MOST_KARTS
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 from race_server.scenario.toml_reader import TomlReader
 
 MANUAL = "docs/race-day.md"
 LETTERS = "ABCDEFGHIJ"
 KINDS = ("time trial", "races")
-MOST_STAGES, MOST_LAPS, MOST_ROUNDS, MOST_POINTS = 16, 1000, 100, 10_000
-MOST_S = 86_400.0
+MOST_STAGES, MOST_LAPS, MOST_POINTS = 16, 1000, 10_000
 
 
 def read_format(path: Path) -> Format:
