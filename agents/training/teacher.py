@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from race_agents.planning.care import LESS, STRETCHES
 from race_agents.planning.latency import COMMAND, COMMANDS
 from race_agents.training.warm_start_settings import WarmStart
 from race_server.core.clock import TICK_S
@@ -80,7 +81,8 @@ class Teacher:
         shape = (batch.worlds, batch.learners)
         self._views = np.zeros((*shape, seen.size))
         self._scale = np.ones(seen.size)
-        if "line_speed_ahead" in seen.slices:
+        self._on_line = "line_speed_ahead" in seen.slices
+        if self._on_line:
             self._scale[seen.slices["line_speed_ahead"]] = wanted.caution
         self._speeds = self._views[..., seen.slices["speed"].start]
         self._reach = wanted.lane_reach if "line_offset" in seen.slices else None
@@ -100,6 +102,9 @@ class Teacher:
         # Whether to press a button does not depend on its last answer.
         self.memory[..., PRESSED] = 0.0
         self.memory[..., ASIDE : FETCH + 1] = self._advice
+        if self._on_line:
+            # Where it would be slower, since the learner came too near to a border, none can see.
+            self.memory[..., LESS : LESS + STRETCHES] = 0.0
         self._views[...] = seen[..., self._columns] * self._scale
         if self._reach is not None:
             lanes, at = self.memory[..., SHIFT], self._offsets
