@@ -67,13 +67,13 @@ def confirmed(echoes: Echoes, earlier: Sequence[Scan], tracks: Sequence[Track] =
     """
     if len(echoes.x) == 0:
         return echoes
-    beside = _is_near(echoes, echoes)
+    beside = are_near(echoes, echoes)
     beside.reshape(-1)[:: len(echoes.x) + 1] = False  # none lies beside itself
     is_thing = echoes.kinds != codes.BORDER
     votes = np.zeros((2, len(echoes.x)), np.int64)  # for a border, for a thing
     times = np.zeros(len(echoes.x), np.int64)
     before = [scan.echoes for scan in earlier]
-    nears = [_is_near(echoes, scan) for scan in before]
+    nears = [are_near(echoes, scan) for scan in before]
     for near, scan in zip(nears, before, strict=True):
         thing = scan.kinds != codes.BORDER
         times += near.any(axis=1)
@@ -171,7 +171,7 @@ def _outvoted(
     return np.where(kart & (others > karts + 1), codes.OBSTACLE, kinds).astype(np.uint8)
 
 
-def _is_near(one: Echoes, other: Echoes) -> NDArray[np.bool_]:
+def are_near(one: Echoes, other: Echoes) -> NDArray[np.bool_]:
     """Return which pairs may be of one thing, shape (n, m)."""
     dx, dy = one.x[:, None] - other.x, one.y[:, None] - other.y
     alike = np.abs(one.closing[:, None] - other.closing) < ALIKE

@@ -61,6 +61,9 @@ SLOWS = 2.0
 # People count from this scan on, at first only while they are seen; karts once it is known how
 # they move.
 SEEN = 2
+# A kart is met by several beams: one that more scans than this did not show has turned off, and is
+# no longer where it would be by its last speed.
+LOST = 2
 # Where there is room on one side within this time [s] steering is told.
 ROOM = 0.3
 
@@ -127,6 +130,8 @@ def assess(
         if not is_kart or danger is not NO_DANGER:
             other = danger_of(track, speed, wanted, limits)
             danger = (min if is_kart else max)(danger, other, key=severity_of)
+        if is_kart and track.missed > LOST:
+            danger = replace(danger, stage=min(danger.stage, DangerStage.EASE))
         worst = max(worst, danger, key=severity_of)
     return worst
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.confirmation import ALIKE, Scan, carried, confirmed
+from race_agents.unit.confirmation import ALIKE, Scan, are_near, carried, confirmed
 from race_agents.unit.ego import Ego
 from race_agents.unit.safety import Echoes
 from race_agents.unit.track import (
@@ -35,8 +35,9 @@ SCANS = 3  # earlier ones that may confirm an echo
 SPREAD = 1.2  # [m] within which echoes of one thing lie of one another
 GONE = 5  # scans without an echo after which a track is gone
 MOST_TRACKS = 64  # more than a radar has beams; of more the nearest are kept
-# What is faster than this [m/s] is no person, but a kart.
-RUNS = 5.0
+# What is faster than this [m/s] is no person, but a kart; among echoes of a kart that move alike,
+# what is faster than that.
+RUNS, RUNS_BESIDE = 5.0, 3.0
 
 
 @dataclass
@@ -114,8 +115,12 @@ class Objects:
 def taken_for_karts(echoes: Echoes, ego: Ego) -> Echoes:
     """Return echoes of which those that are too fast to be of people are of karts."""
     far = np.maximum(np.hypot(echoes.x, echoes.y), 1e-6)
-    own = (ego.speed * echoes.x + ego.aside * echoes.y) / far
-    runs = echoes.may_be_people & (np.abs(own - echoes.closing) > RUNS)
+    pace = np.abs((ego.speed * echoes.x + ego.aside * echoes.y) / far - echoes.closing)
+    runs = echoes.may_be_people & (pace > RUNS_BESIDE)
+    if not runs.any():
+        return echoes
+    karts = echoes.kept(echoes.kinds == codes.KART_HIT)
+    runs &= (pace > RUNS) | are_near(echoes, karts).any(axis=1)
     return replace(echoes, kinds=np.where(runs, codes.KART_HIT, echoes.kinds).astype(np.uint8))
 
 

@@ -10,7 +10,7 @@ from race_agents.plant.encounter import ADULT, KMH, WALKS, Case, meet
 from race_agents.plant.moves import crosses, goes_ahead
 from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
-from race_agents.unit.danger import danger_of, watch_danger
+from race_agents.unit.danger import assess, danger_of, watch_danger
 from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
@@ -75,6 +75,23 @@ def test_an_echo_of_a_wall_taken_for_a_person_stays_a_wall() -> None:
     assert set(objects.seen.kinds.tolist()) == {codes.BORDER}
 
 
+@pytest.mark.parametrize(("runs", "kinds"), [(4.0, {codes.KART_HIT}), (2.0, None)])
+def test_what_drives_with_a_kart_around_it_is_of_that_kart(
+    runs: float, kinds: set[int] | None
+) -> None:
+    # Two of three scans take one echo in the middle of a kart's back for a person, which could be
+    # one who comes from behind it; but no person runs at 4 m/s with it.
+    def back(kind: int) -> Echoes:
+        y = np.arange(-0.4, 0.5, 0.1)
+        found = np.full(len(y), codes.KART_HIT, np.uint8)
+        found[4] = kind
+        return Echoes(np.full(len(y), 6.0), y, np.full(len(y), 10.0 - runs), found)
+
+    objects = looked([back(codes.KART_HIT), back(codes.PERSON), back(codes.PERSON)])
+    seen = set(objects.seen.kinds.tolist())
+    assert seen == (kinds or {codes.KART_HIT, codes.PERSON})
+
+
 def test_the_way_since_the_last_scan_adds_up() -> None:
     motion = EgoMotion()
     for _ in range(50):  # a quarter of a circle of radius 10 m
@@ -119,6 +136,17 @@ def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> Non
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.NONE
     ahead.state[2], ahead.slowing = 8.0, 6.0
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.FULL
+
+
+@pytest.mark.parametrize(
+    ("missed", "stage"), [(0, DangerStage.FULL), (2, DangerStage.FULL), (3, DangerStage.EASE)]
+)
+def test_a_kart_that_three_scans_did_not_show_is_not_braked_fully_for(
+    missed: int, stage: DangerStage
+) -> None:
+    across = track_at(6.0, 0.0, kind=codes.KART_HIT)
+    across.missed = missed
+    assert assess([across], 10.0, 0.0, 0.0, LIMITS).stage is stage
 
 
 def test_the_bearing_is_to_the_left_where_somebody_stands_left() -> None:
