@@ -218,8 +218,10 @@ def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> 
     needed = _needed(pace, room, limits.reaction_s)
     soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
-    if track.kind == codes.KART_HIT and track.leaves < -speed:
-        stage = min(stage, DangerStage.EASE)  # it comes: brakes take off the smaller part
+    # It comes: brakes take off the smaller part. Or it drives into the flank from beside.
+    comes = track.kind == codes.KART_HIT and track.leaves < -speed
+    if comes or (_drives(track) and gap[first] < -PASSED):
+        stage = min(stage, DangerStage.EASE)
     bearing = math.atan2(y, x - limits.nose)
     return Danger(
         stage,

@@ -20,7 +20,6 @@ from race_agents.unit.track import (
     DOPPLER,
     FIRST_SPEED,
     GATE,
-    STANDS,
     Track,
     carry,
     correct,
@@ -96,12 +95,7 @@ class Objects:
             best.scans, best.missed = best.scans + 1, 0
             best.half_width += 0.3 * (half - best.half_width)
             best.kind = kind if best.scans < BORN or kind == best.kind else best.kind
-            after = float(best.state[2:] @ ray)
-            # In a bend a thing beside is pulled across its way, along the ray as well: of what is
-            # seen along the ray, the share along its way is slowing.
-            share = abs(after) / max(math.hypot(*best.state[2:].tolist()), STANDS)
-            slows = share * (before - after) / max(dt, 1e-3)
-            best.slowing += 0.2 * (slows - best.slowing)
+            best.slow_down(ray, (before - float(best.state[2:] @ ray)) / max(dt, 1e-3))
             return
         self._born += 1
         state = np.array([x, y, *(doppler * ray)])

@@ -23,6 +23,10 @@ RESTLESS, DRIVEN = 0.7, 2.0
 FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
 # What moves away more slowly than this [m/s] stands.
 STANDS = 1.0
+# The share of a new figure in the two smoothed ones of how much a thing slows down.
+SLOWLY, SOON = 0.2, 0.5
+# A kart in a bend is pulled across its way by this much [m/s²].
+PULLED = 6.0
 # A speed across the ray below this many deviations is none; of karts, whose outline comes into view
 # side by side, below the second.
 NOISE, PLAIN = 1.2, 3.0
@@ -38,7 +42,8 @@ class Track:
     half_width: float  # [m] across the ray
     scans: int = 1
     missed: int = 0
-    slowing: float = 0.0  # [m/s²] by which its speed shrinks, smoothed
+    slowing: float = 0.0  # [m/s²] by which its speed shrinks, see `slow_down`
+    slowed: tuple[float, float] = (0.0, 0.0)  # … smoothed over five scans, and over two
     braking: float = 0.0  # [m/s²] that it told to ask of its brakes
     number: int = 0
     began: float = 0.0  # [m] away when it was first seen
@@ -56,6 +61,22 @@ class Track:
         if across * across < clear**2 * variance:
             across = 0.0
         return along * cos - across * sin, along * sin + across * cos
+
+    def slow_down(self, ray: Floats, less: float) -> None:
+        """Take in by how much less [m/s²] it moves along a ray (2,) than at the scan before.
+
+        In a bend a thing beside is pulled across its way, along the ray as well: only what its
+        tyres cannot do is slowing. It goes on with what both the last scans and the very last ones
+        show: a kart that braked and drives on does not stop ahead.
+        """
+        vx, vy = self.velocity
+        speed = max(math.hypot(vx, vy), STANDS)
+        along, across = (vx * ray[0] + vy * ray[1]) / speed, (vy * ray[0] - vx * ray[1]) / speed
+        slows, pulled = abs(along) * less, PULLED * abs(across)
+        slows = math.copysign(max(abs(slows) - pulled, 0.0), slows)
+        slowly, soon = self.slowed
+        self.slowed = slowly + SLOWLY * (slows - slowly), soon + SOON * (slows - soon)
+        self.slowing = min(self.slowed)
 
     @property
     def leaves(self) -> float:

@@ -149,6 +149,38 @@ def test_a_kart_that_three_scans_did_not_show_is_not_braked_fully_for(
     assert assess([across], 10.0, 0.0, 0.0, LIMITS).stage is stage
 
 
+def test_a_kart_that_is_passed_and_drives_into_the_flank_is_not_braked_fully_for() -> None:
+    # 7 m/s slower, a metre before the bumper and 1.6 m to the left, it comes over at 2.5 m/s: after
+    # 0.4 s it is 1.8 m behind the bumper. One that is 5 m ahead would be met by the bumper.
+    flank = danger_of(track_at(1.0, 1.6, 9.0, -2.5, kind=codes.KART_HIT), 16.0, 0.0, LIMITS)
+    front = danger_of(track_at(5.0, 1.6, 9.0, -2.5, kind=codes.KART_HIT), 16.0, 0.0, LIMITS)
+    assert flank.stage is DangerStage.EASE
+    assert front.stage is DangerStage.FULL
+
+
+def test_a_kart_in_a_bend_beside_does_not_slow_down() -> None:
+    # 5 m ahead and 2.5 m to the right at 14 m/s; its tyres pull it to the left by 5 m/s², 2.2 m/s²
+    # of which are along the ray.
+    beside = track_at(5.0 - LIMITS.nose, -2.5, vx=14.0, kind=codes.KART_HIT)
+    ray = np.array([5.0, -2.5]) / math.hypot(5.0, 2.5)
+    for _ in range(20):
+        beside.slow_down(ray, 5.0 * 2.5 / math.hypot(5.0, 2.5))
+    assert beside.slowing == pytest.approx(0.0, abs=0.01)
+    # Straight ahead it is all slowing.
+    ahead = track_at(5.0, 0.0, vx=14.0, kind=codes.KART_HIT)
+    for _ in range(20):
+        ahead.slow_down(np.array([1.0, 0.0]), 5.0)
+    assert ahead.slowing == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_kart_that_has_braked_and_drives_on_slows_down_no_more() -> None:
+    ahead = track_at(5.0, 0.0, vx=14.0, kind=codes.KART_HIT)
+    for less in (8.0, 8.0, 8.0, 8.0, 0.0, 0.0):
+        ahead.slow_down(np.array([1.0, 0.0]), less)
+    # A quarter of what the last two scans took away is left of 7.5 m/s².
+    assert ahead.slowing == pytest.approx(0.25 * 7.5)
+
+
 def test_the_bearing_is_to_the_left_where_somebody_stands_left() -> None:
     danger = danger_of(track_at(10.0, 1.0), 10.0, 0.0, LIMITS)
     assert danger.bearing == pytest.approx(0.1, abs=0.01)
