@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from race_agents.planning.line_policy import foresee_for_all, remember_for_all
 from race_agents.policies.metadata import PolicyMetadata, preset_for
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
@@ -20,6 +21,7 @@ from race_server.core.kernel_driver import (
     KernelDriver,
     cockpit_at,
     item_uses_of,
+    memory_size,
 )
 from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
@@ -45,6 +47,9 @@ SPEED = PART_NUMBERS["speed"]
 LIGHTS = PART_NUMBERS["lights"]
 FINISHED = PART_NUMBERS["finished"]
 RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
+# A policy that drives by the speeds of the line is helped as the drivers on the line are; for that
+# more is looked at than it sees.
+LINE_SPEED, LINE_SEES = "line_speed_ahead", "line"
 # Parts that tell a policy where its slot is.
 SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
 
@@ -65,8 +70,11 @@ class Learned:
         self.policy = Policy(policy_path(name))
         nature = self.policy.metadata
         self._base = driver_named(nature.base) if nature.base else None
-        seen = PRESETS[self._base.preset] if self._base is not None else ()
-        self.preset = preset_for(nature, self.policy.name, seen)
+        self._is_helped = self._base is None and LINE_SPEED in nature.parts
+        more: tuple[str, ...] = PRESETS[LINE_SEES] if self._is_helped else ()
+        if self._base is not None:
+            more = PRESETS[self._base.preset]
+        self.preset = preset_for(nature, self.policy.name, more)
         self.vehicles = nature.vehicles
         self._kind = action_kind(self.policy.metadata.action)
         self._table = discrete_table()
@@ -140,9 +148,9 @@ class Learned:
             self._view,
             offsets_of(layout),
             vehicle_record(told.vehicle).reshape(1, 1),
-            np.array([told.lidar_field, told.lidar_reach, told.decision_s]),
+            np.array([told.lidar_field, told.lidar_reach, self.policy.metadata.decision_s]),
             item_uses_of(told.items),
-            np.zeros((1, 1, MEMORY + 1)),
+            np.zeros((1, 1, memory_size(0))),
             self._controls,
         )
         self._drive = self.driving(cockpits, layout)
@@ -175,7 +183,16 @@ class Learned:
             actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
             command_all(self._kind, cockpits, actions, self._table)
 
-        return drive
+        if not self._is_helped:
+            return drive
+        foresee, remember = bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)
+
+        def drive_helped() -> None:
+            foresee()
+            drive()
+            remember()
+
+        return drive_helped
 
 
 @kernel

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from race_agents.drivers.learned import Learned
 from race_agents.drivers.mapper import Mapper
 from race_agents.planning.care import take_care
 from race_server.core.driver import Briefing
-from race_server.core.kernel_driver import Cockpit, memory_size
+from race_server.core.kernel_driver import Cockpit, Cockpits, memory_size
 from race_server.core.observation import layout_of, offsets_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
@@ -17,7 +18,6 @@ from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
 from support.races import run_race
 
-SLICES = layout_of("line", 0).slices
 # TT02 is 0.45 m long and 0.19 m wide: a stretch of the course is 1.8 m, and too near is 9.5 mm.
 AT_THE_WALL, CLEAR = 0.1, 0.3
 
@@ -25,23 +25,33 @@ AT_THE_WALL, CLEAR = 0.1, 0.3
 class Lap:
     """A kart that goes along an even line at 5 m/s, on a course of 90 m, 50 stretches."""
 
-    def __init__(self) -> None:
+    def __init__(self, preset: str = "line") -> None:
         """Begin without any memory."""
-        layout = layout_of("line", 0)
+        layout = layout_of(preset, 0)
+        self.slices = layout.slices
         seen, control = np.zeros(layout.size), np.zeros(4)
         setup, uses = np.array([0.0, 0.0, 0.05]), np.zeros(1, np.int64)
         vehicle, memory = vehicle_record(TT02)[0], np.zeros(memory_size(0))
         self.cockpit = Cockpit(seen, offsets_of(layout), vehicle, setup, uses, memory, control)
         self.speed_at(89.999)
 
-    def speed_at(self, progress: float, room: float = CLEAR, **seen: float) -> float:
-        """Return the speed [m/s] of the line at a place, with `room` [m] to its right."""
+    @property
+    def speed(self) -> float:
+        """The speed [m/s] of the line where the kart is, as it takes it."""
+        return float(self.cockpit.observation[self.slices["line_speed_ahead"]][0])
+
+    def show(self, progress: float, room: float, **seen: float) -> None:
+        """Show a place, with `room` [m] to its right."""
         values = {"line_speed_ahead": 5.0, "line_step": 0.2, "speed": 5.0, "grip_scale": 1.0}
         values |= {"karts_x": 1e3, "line_left_ahead": 1.0, "line_right_ahead": room}
         for name, value in (values | {"progress": progress} | seen).items():
-            self.cockpit.observation[SLICES[name]] = value
+            self.cockpit.observation[self.slices[name]] = value
+
+    def speed_at(self, progress: float, room: float = CLEAR, **seen: float) -> float:
+        """Return the speed [m/s] of the line at a place, with `room` [m] to its right."""
+        self.show(progress, room, **seen)
         take_care(self.cockpit)
-        return float(self.cockpit.observation[SLICES["line_speed_ahead"]][0])
+        return self.speed
 
 
 def test_where_a_kart_came_too_near_it_is_3_percent_slower_on_the_way_there() -> None:
@@ -84,6 +94,28 @@ def test_the_tail_of_a_kart_that_points_inside_comes_near_as_well() -> None:
     assert lap.speed_at(48.0) == 5.0
     lap.speed_at(50.0, room=0.125, line_heading=0.12)
     assert lap.speed_at(48.0) == pytest.approx(0.97 * 5.0)
+
+
+def test_a_policy_that_sees_the_line_is_slower_there_as_well() -> None:
+    driver = Learned("full")
+    layout = layout_of(driver.preset, 0)
+    lap = Lap(driver.preset)
+    cockpit = lap.cockpit
+    cockpits = Cockpits(
+        np.zeros((1, 2), np.int64),
+        cockpit.observation[None, None],
+        cockpit.offsets,
+        vehicle_record(TT02).reshape(1, 1),
+        cockpit.setup,
+        cockpit.item_uses,
+        cockpit.memory[None, None],
+        cockpit.control[None, None],
+    )
+    drive = driver.driving(cockpits, layout)
+    for progress, room in ((50.0, AT_THE_WALL), (48.0, CLEAR)):
+        lap.show(progress, room)
+        drive()
+    assert lap.speed == pytest.approx(0.97 * 5.0)
 
 
 @pytest.mark.slow

@@ -269,9 +269,12 @@ def test_wheels_with_play_are_turned_to_where_they_should_be() -> None:
     assert min(max(0.0, commanded - half), commanded + half) == pytest.approx(0.1, abs=0.001)
 
 
-@pytest.mark.parametrize("gap", ["play", "all"])
-def test_a_loose_and_late_steering_touches_nothing(gap: str) -> None:
-    cell = RunSpec("raceline", "covapsy-test-2023", gap=GAPS[gap], laps=1)
+@pytest.mark.parametrize(
+    ("driver", "gap"),
+    [("raceline", "play"), ("raceline", "all"), ("learned:full", "delay"), ("learned:full", "all")],
+)
+def test_a_loose_and_late_steering_touches_nothing(driver: str, gap: str) -> None:
+    cell = RunSpec(driver, "covapsy-test-2023", gap=GAPS[gap], laps=1)
     (lap,) = drive_run(cell).laps
     limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
     assert lap.is_clean
