@@ -56,6 +56,8 @@ CREEP = 0.5
 KEPT = 0.6
 # A kart whose nearest point lies less than this [m] ahead of the bumper is being passed.
 PASSED = 0.8
+# In this time [s] brakes hold a kart back by less than that.
+FLANK_S = 0.75
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
 SLOWS = 2.0
 # People count from this scan on, at first only while they are seen; karts once it is known how
@@ -84,7 +86,7 @@ def worst_ahead(
     """
     # No way is tighter than tyres hold: a kart that turns faster spins, and goes straight on.
     most = limits.grip / (CERTAIN * max(speed * speed, 1e-6))
-    now, wanted = (max(-most, min(each, most)) for each in (now, wanted))
+    now, wanted = (max(-most, min(each, most)) for each in (now, now if drift.slides else wanted))
     limits, loose = drift.limits(limits), drift.echoes(loose)
     danger = assess(drift.tracks(tracks), speed, now, wanted, limits)
     if danger.stage is not DangerStage.FULL:
@@ -218,9 +220,9 @@ def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> 
     needed = _needed(pace, room, limits.reaction_s)
     soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
-    # It comes: brakes take off the smaller part. Or it drives into the flank from beside.
-    comes = track.kind == codes.KART_HIT and track.leaves < -speed
-    if comes or (_drives(track) and gap[first] < -PASSED):
+    # It comes: brakes take off the smaller part. Or it soon drives into the flank.
+    flank = gap[first] < -PASSED and time_s < FLANK_S
+    if track.kind == codes.KART_HIT and (track.leaves < -speed or flank):
         stage = min(stage, DangerStage.EASE)
     bearing = math.atan2(y, x - limits.nose)
     return Danger(

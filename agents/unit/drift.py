@@ -19,6 +19,9 @@ from race_agents.unit.track import Track
 TURNS = 0.15
 # The most that a direction is turned [rad]: a kart that slides further spins.
 MOST = 0.8
+# A rear axle that slides more than this [rad] steers the kart as well: the front wheels point where
+# it does not go.
+SLIDES = 0.1
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class Drift:
 
     pivot: float = 0.0  # [m] ahead of the rear axle, where arcs begin
     course: float = 0.0  # [rad] to the left of the nose, the direction in which they do
+    slides: bool = False  # whether the rear axle steers as well
 
     @classmethod
     def of(cls, speed: float, slide: float, yaw_rate: float, limits: Limits) -> "Drift":
@@ -37,7 +41,8 @@ class Drift:
         pivot = -slide / yaw_rate if abs(yaw_rate) > TURNS else 0.0
         pivot = max(-limits.nose, min(pivot, limits.nose))
         course = math.atan2(slide + pivot * yaw_rate, speed)
-        return cls(pivot, max(-MOST, min(course, MOST)))
+        slides = abs(math.atan2(slide, speed)) > SLIDES
+        return cls(pivot, max(-MOST, min(course, MOST)), slides)
 
     def limits(self, limits: Limits) -> Limits:
         """Return the limits of a body that is measured from where its arcs begin."""

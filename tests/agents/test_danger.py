@@ -10,7 +10,8 @@ from race_agents.plant.encounter import ADULT, KMH, WALKS, Case, meet
 from race_agents.plant.moves import crosses, goes_ahead
 from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
-from race_agents.unit.danger import assess, danger_of, watch_danger
+from race_agents.unit.danger import assess, danger_of, watch_danger, worst_ahead
+from race_agents.unit.drift import Drift
 from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
@@ -156,6 +157,18 @@ def test_a_kart_that_is_passed_and_drives_into_the_flank_is_not_braked_fully_for
     front = danger_of(track_at(5.0, 1.6, 9.0, -2.5, kind=codes.KART_HIT), 16.0, 0.0, LIMITS)
     assert flank.stage is DangerStage.EASE
     assert front.stage is DangerStage.FULL
+
+
+@pytest.mark.parametrize(("slide", "stage"), [(0.5, DangerStage.FULL), (2.5, DangerStage.NONE)])
+def test_a_kart_that_slides_round_a_bend_does_not_go_where_its_front_wheels_point(
+    slide: float, stage: DangerStage
+) -> None:
+    # 15 m ahead at 13 m/s, on the straight way that its steering asks for; it turns with a radius
+    # of 25 m, and a rear axle that moves aside by 2.5 m/s, or 11 degrees, turns it.
+    drift = Drift.of(13.0, slide, -13.0 / 25.0, LIMITS)
+    post = echo(15.0 + LIMITS.nose, 1.0, 13.0, codes.OBSTACLE)
+    danger = worst_ahead([], post, 13.0, -1.0 / 25.0, 0.0, LIMITS, drift=drift)
+    assert danger.stage is stage
 
 
 def test_a_kart_in_a_bend_beside_does_not_slow_down() -> None:
