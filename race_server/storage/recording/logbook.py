@@ -33,8 +33,6 @@ NOWHERE = "none"
 STAMP = "????????-??????-???"
 # At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
-# Messages of an old journal that may wait for the disk, and for how long.
-COPIED_AT_ONCE, COPY_S = 4096, 60.0
 
 
 def folder_of(words: str) -> Path | None:
@@ -151,13 +149,9 @@ class Logbook:
         if not takes_up:
             recorder.begin(frame)
             return recorder
-        for number, line in enumerate(read_lines(self.journal), 1):
-            if isinstance(line, Line):
-                recorder.copy(line)
-            if number % COPIED_AT_ONCE == 0:
-                recorder.flush().wait(COPY_S)
-        # Until now the old journal is the one that counts.
-        if not recorder.flush().wait(COPY_S) or recorder.is_failing:
+        lines = (line for line in read_lines(self.journal) if isinstance(line, Line))
+        # Until it is copied the old journal is the one that counts.
+        if not recorder.copy_all(lines):
             raise RecordingError(f"{self.journal} cannot be copied")
         path.replace(self.journal)
         return recorder
