@@ -42,6 +42,8 @@ def replay(
     """
     from race_server.storage.recording.reader import read_recording
 
+    if play and as_json:
+        raise RecordingError("--play shows the race, --json is of the check: leave one of them out")
     recording = read_recording(file)
     if play:
         from race_server.cli.recording_view import show

@@ -23,6 +23,8 @@ from race_server.storage.whole_file import write_whole
 
 VERSION = 1
 SUFFIX = ".event.json"
+# When an event that is over began, in the name of its file.
+STAMP = "????????T??????"
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,13 @@ class EventFile:
         aside = free_aside(self.path, "unreadable", SUFFIX)
         self.path.replace(aside)
         return aside
+
+
+def event_files(folder: Path, session: str = "") -> list[Path]:
+    """Return the files of the events of a session, the newest first. session: "" for any."""
+    names = (f"{session}{SUFFIX}", f"{session}-{STAMP}{SUFFIX}") if session else (f"*{SUFFIX}",)
+    found = [path for name in names for path in folder.glob(name)]
+    return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
 
 
 def read_event(path: Path) -> EventState:

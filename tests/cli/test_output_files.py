@@ -59,3 +59,12 @@ def test_a_folder_that_takes_no_file_is_refused(
 @pytest.mark.parametrize("words", PICTURES)
 def test_an_ending_of_no_picture_is_refused(words: str) -> None:
     assert "file.txt: write the picture as .png or .svg" in refused(words, Path("file.txt"))
+
+
+def test_two_tables_do_not_go_into_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "laps.csv"
+    again = tmp_path / "below" / ".." / "laps.csv"
+    (tmp_path / "below").mkdir()
+    for words in (f"trial --csv {again} --laps-csv", f"trial --save-lap {again} --csv"):
+        told = refused(words, path)
+        assert told == f"{path}: two options write this file; name another for one"

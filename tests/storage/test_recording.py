@@ -307,6 +307,9 @@ def test_the_commands_tell_of_a_recording(recorded: Path, tmp_path: Path) -> Non
     shutil.copy(recorded, tmp_path / "copy.mcap")
     shown = run(app, ["replay", str(tmp_path / "copy.mcap"), "--play", "--speed", "1000"])
     assert "finishes" in shown.stdout
+    both = run(app, ["replay", str(part), "--play", "--json"])
+    assert both.stdout == ""
+    assert "leave one of them out" in str(both.exception)
 
 
 GUARD = """
