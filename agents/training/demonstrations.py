@@ -6,6 +6,7 @@ the observations, as in a race.
 """
 
 import json
+import math
 import zipfile
 import zlib
 from dataclasses import asdict, dataclass, fields
@@ -121,6 +122,8 @@ def _check(shown: Demonstrations, path: Path) -> None:
         size = layout_of(shown.about.parts, shown.about.lidar_rays).size
     except ScenarioError as error:
         raise RecordingError(f"{path}: {error}") from error
+    if not 0.0 < shown.about.decision_s < math.inf:
+        raise RecordingError(f"{path}: decision_s = {shown.about.decision_s!r} is not valid")
     seen, controls = shown.observations, shown.controls
     count = len(seen) if seen.ndim else 0
     if count < 1 or seen.shape != (count, size) or controls.shape != (count, 4):

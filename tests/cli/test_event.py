@@ -83,6 +83,7 @@ def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:
         ('"tracks": {\n  "A": "oval"\n }', '"tracks": "oval"', "tracks = 'oval': give a table"),
         ('"A": "oval"', '"B": "oval"', "tracks: there is none for letter A"),
         ('"seat": 0', '"seat": true', r"entrants\[0\].seat = True: give a whole number"),
+        ('"seed": 1', '"seed": -1', "seed = -1: give one from 0 to"),
         ('"seat": 0', '"seat": 64', "an entrant has seat 64: give one from 0 to 63"),
         ('"key": "00"', '"key": "tcp"', "non-hexadecimal number"),
         ('"time_us": 9000000', f'"time_us": {10**30}', "time_us = 1000.*: give a whole number of"),
