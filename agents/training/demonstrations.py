@@ -23,6 +23,7 @@ from race_agents.training.teacher import actions_of
 from race_server.core.observation import layout_of
 from race_server.envs.actions import BRAKED, CONTINUOUS, CONTROL, PEDAL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.kept_file import write_file
 from race_server.storage.arrays import read_arrays
 
 # Increase it when the meaning of an observation part or of a control changes.
@@ -68,14 +69,16 @@ def write_demonstrations(path: Path, shown: Demonstrations) -> None:
     """
     about = np.array(json.dumps(asdict(shown.about)))
     try:
-        with path.open("wb") as file:
-            np.savez_compressed(
+        write_file(
+            path,
+            lambda file: np.savez_compressed(
                 file,
                 allow_pickle=False,
                 observations=shown.observations,
                 controls=shown.controls,
                 about=about,
-            )
+            ),
+        )
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 

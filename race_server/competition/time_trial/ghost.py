@@ -1,6 +1,7 @@
 """Ghosts: recorded laps to compare with, and where another lap gains and loses time on them."""
 
 import csv
+import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from race_server.errors import ResultsError
 from race_server.scenario.track.course import Course
 from race_server.storage.results.queries import Row, laps_on, trace_of
 from race_server.storage.results.schema import damaged
+from race_server.storage.whole_file import write_whole
 
 BEST = "best"
 # Laps listed in an error message, at most.
@@ -161,11 +163,12 @@ def save_lap(trace: Floats, path: Path) -> None:
     Raises:
         ResultsError: the file cannot be written.
     """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([f"{value:.6f}" for value in point] for point in trace.T)
     try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows([f"{value:.6f}" for value in point] for point in trace.T)
+        write_whole(path, text.getvalue())
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror}") from error
 
