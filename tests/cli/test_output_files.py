@@ -105,3 +105,11 @@ def test_a_disk_that_is_full_is_told_in_one_line() -> None:
         "error: the output cannot be written (No space left on device); make room, or choose "
         "another disk\n"
     )
+
+
+def test_a_recording_is_not_written_over_by_what_is_made_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "race.mcap"
+    path.write_bytes(b"a race")
+    told = refused(f"demonstrate --recording {path} --out", path)
+    assert told == f"--out {path}: is the recording, which would be lost; name another file"
+    assert path.read_bytes() == b"a race"

@@ -25,7 +25,7 @@ from race_server.storage.recording.reader import (
     read_recording,
 )
 from race_server.storage.recording.recorder import Recorder
-from race_server.user_data import user_data
+from race_server.user_data import path_named, user_data
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
@@ -36,10 +36,14 @@ MOST_NAMESAKES = 16
 
 
 def folder_of(words: str) -> Path | None:
-    """Return the folder that an option names: the default where it is empty, None for `none`."""
+    """Return the folder that an option names: the default where it is empty, None for `none`.
+
+    Raises:
+        ScenarioError: it is in the home of no user.
+    """
     words = words or os.environ.get(VARIABLE, "")
     if words:
-        return None if words == NOWHERE else Path(words).expanduser()
+        return None if words == NOWHERE else path_named(words)
     return user_data("recordings")
 
 
