@@ -166,7 +166,8 @@ def info(file: File, as_json: AsJson = False) -> None:
 
 def _print_info(document: dict[str, Any]) -> None:
     console = Console()
-    facts = Table("", "", show_header=False, box=None)
+    facts = Table("", show_header=False, box=None)
+    facts.add_column(overflow="fold")
     seconds = document["ticks"] / TICKS_PER_SECOND
     state = "complete" if document["is_complete"] else "not finished"
     rows = {
@@ -186,7 +187,7 @@ def _print_info(document: dict[str, Any]) -> None:
     for seat, driver in document["drivers"].items():
         times = [lap["time_us"] for lap in document["laps"] if lap["seat"] == seat]
         laps.add_row(str(seat), driver, str(len(times)), lap_text(min(times, default=0)))
-    console.print(laps)
+    console.print_whole(laps)
 
 
 @app.command()

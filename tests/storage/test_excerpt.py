@@ -1,6 +1,7 @@
 """Copies of recordings are whole or not there, and no recording has a gap."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from race_server.net.wire.journal import StartFrame, decode_digest
 from race_server.storage.recording import recorder as recorder_module
 from race_server.storage.recording.channels import DIGEST
 from race_server.storage.recording.excerpt import write_excerpt
+from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Line, read_lines
 from race_server.storage.recording.recorder import Recorder
 
@@ -79,6 +81,27 @@ def test_a_copy_takes_the_place_of_no_file(recorded: Path) -> None:
     with pytest.raises(RecordingError, match="File exists"):
         write_excerpt(recorded, recorded, 5.0)
     assert recorded.read_bytes() == before
+
+
+def test_a_race_that_is_over_is_not_written_over_where_its_file_cannot_be_renamed(
+    tmp_path: Path,
+) -> None:
+    said: list[str] = []
+    away = tmp_path / "cup-20260101-000000-000.mcap"
+    (away / "in the way").mkdir(parents=True)
+    with Logbook(tmp_path, "cup", said.append) as book:
+        first = book.begin(START)
+        assert first is not None
+        first.record_digest(7, digest_of(7))
+        assert book.end(first, START) == book.journal
+        assert book.begin(replace(START, started_at="2026-01-01T00:05:00+00:00")) is None
+        assert digested(book.journal) == [7]
+        assert "no other race is recorded until it can" in said[-1]
+        away.rename(tmp_path / "elsewhere")
+        second = book.begin(replace(START, started_at="2026-01-01T00:10:00+00:00"))
+        assert second is not None
+        second.close()
+    assert digested(away) == [7]
 
 
 def test_a_recording_whose_disk_stops_for_a_while_ends_there_and_has_no_gap(

@@ -301,6 +301,9 @@ def test_the_commands_tell_of_a_recording(recorded: Path, tmp_path: Path) -> Non
     assert len(info["laps"]) == 6
     lines = run(app, ["recording", "cat", str(recorded), "--json", "--channel", "laps"]).stdout
     assert [json.loads(line)["lap"] for line in lines.splitlines()].count(2) == 3
+    narrow = run(app, ["recording", "info", str(recorded)], env={"COLUMNS": "40"}).stdout
+    assert info["started_at"] in "".join(line.strip() for line in narrow.splitlines())
+    assert narrow.count("pure_pursuit") == 2
     part = tmp_path / "part.mcap"
     run(app, ["recording", "cut", str(recorded), str(part), "--until", "3"])
     assert rerun_of(read_recording(part)).compared == 2

@@ -90,6 +90,7 @@ class Logbook:
             self._lock, self.session = _locked(folder, session)
         except OSError as error:
             raise _unwritable(folder, error) from error
+        self._unfiled = ""  # when the race began that is over, and still in the journal
         self._part = folder / f"{self.session}.part.mcap"
         self.journal = folder / f"{self.session}.journal.mcap"
 
@@ -134,8 +135,13 @@ class Logbook:
     def begin(self, frame: StartFrame, *, takes_up: bool = False) -> Recorder | None:
         """Return a recorder for a race; one that is taken up begins with its old journal.
 
-        That the file cannot be made is said, and there is no recorder.
+        That the file cannot be made is said, and there is no recorder; also where the race before
+        is still in the journal.
         """
+        if self._unfiled:
+            self._file_away(self._unfiled)
+        if self._unfiled:
+            return None
         path = self._part if takes_up else self.journal
         try:
             return self._recorder(path, frame, takes_up=takes_up)
@@ -161,15 +167,23 @@ class Logbook:
         return recorder
 
     def end(self, recorder: Recorder, frame: StartFrame) -> Path:
-        """Close a recording and return where it lies now."""
+        """Close a recording and return where it lies now; it is said if it is still the journal."""
         recorder.close()
         return self._file_away(frame.started_at)
 
     def _file_away(self, started_at: str) -> Path:
         stamp = datetime.fromisoformat(started_at).strftime("%Y%m%d-%H%M%S-%f")[:-3]
         path = self.folder / f"{self.session}-{stamp}.mcap"
-        with contextlib.suppress(OSError):
+        try:
             self.journal.replace(path)
+        except OSError as error:
+            self._unfiled = started_at
+            self._log(
+                f"recording {self.journal} cannot be renamed to {path.name} "
+                f"({error.strerror or error}); no other race is recorded until it can"
+            )
+            return self.journal
+        self._unfiled = ""
         return path
 
 
