@@ -150,8 +150,11 @@ def trial(options: TrialOptions) -> None:
         plan = TrialPlan(tuple(specs), tuple(gaps), options.jobs, options.ghost, log.path)
         done = _drive(plan, log, console, quiet=options.as_json)
         _show(done, names if options.beside else (), as_json=options.as_json)
-        _finish(log, console)
-    _write_files(done, options, console)
+        try:
+            _finish(log, console)
+        finally:
+            # What was driven is in these files, whatever becomes of the results file.
+            _write_files(done, options, console)
     if done.stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)

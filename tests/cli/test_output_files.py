@@ -29,6 +29,8 @@ OTHERS = (
     "trial --save-lap",
     "demonstrate raceline --out",
     "policy check parking-1 --example",
+    "bench onboard --golden",
+    "plant --report",
 )
 
 
