@@ -48,6 +48,37 @@ def free_aside(path: Path, word: str, suffix: str) -> Path:
     return next(free for free in map(path.with_name, numbered) if not free.exists())
 
 
+def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
+    """Let a function write a file aside, and move it once it is complete.
+
+    What cannot be replaced is written in place: a pipe, the name of an open file such as
+    /dev/stdout, and a file whose folder takes no other.
+
+    Raises:
+        OSError: it cannot be written; a file that could be replaced is left as it was.
+    """
+    if path.exists() and not _can_be_replaced(path):
+        with path.open("wb") as file:
+            write(file)
+        return
+    path = path.resolve()
+    part = path.with_name(f"{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())  # else a power cut may leave an empty file of that name
+        part.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _can_be_replaced(path: Path) -> bool:
+    is_open = path.absolute().parts[1:2] in {("dev",), ("proc",)}
+    return path.is_file() and not is_open and os.access(path.resolve().parent, os.W_OK)
+
+
 def write_together(files: Mapping[Path, bytes]) -> None:
     """Write files aside, and move them when all are complete.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from race_server.errors import ScenarioError
-from race_server.kept_file import check_place
+from race_server.kept_file import check_place, write_file
 from race_server.printable import printable
 
 SUFFIXES = (".png", ".svg")
@@ -46,7 +46,8 @@ def save(figure: Any, path: Path, **options: Any) -> None:
     for text in figure.findobj(Text):
         text.set_parse_math(False)
         text.set_text("\n".join(map(printable, text.get_text().split("\n"))))
-    figure.savefig(path, **options)
+    kind = path.suffix[1:].lower() or "png"
+    write_file(path, lambda file: figure.savefig(file, format=kind, **options))
 
 
 def save_and_close(figure: Any, path: Path, **options: Any) -> None:

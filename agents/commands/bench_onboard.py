@@ -7,6 +7,7 @@ import typer
 
 from race_server.cli.document import AsJson, print_document
 from race_server.core.seeds import MOST_SEED
+from race_server.kept_file import check_place
 from race_server.terminal import say
 
 MILLI = 1e3
@@ -33,6 +34,8 @@ def bench_onboard(
     """
     import os
 
+    if golden is not None:
+        check_place(golden)
     os.environ["RACE_SERVER_INTERPRET"] = "1"  # one course needs no compiler
     import numpy as np
 

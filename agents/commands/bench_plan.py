@@ -8,7 +8,8 @@ from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.core.seeds import MOST_SEED
-from race_server.kept_file import check_place
+from race_server.errors import ScenarioError
+from race_server.pictures import check_picture
 from race_server.terminal import Console
 
 if TYPE_CHECKING:
@@ -51,7 +52,9 @@ def bench_plan(
 
     parked = vehicle_named(vehicle)
     if plot is not None:
-        check_place(plot)
+        check_picture(plot)
+    if drive and plot is not None:
+        raise ScenarioError("--drive measures what is driven and plots nothing: leave --plot out")
     if drive:
         driven = bench_drive(parked, runs=runs, seed=seed, text=task)
         if as_json:
@@ -60,12 +63,12 @@ def bench_plan(
             _show_drives(driven)
         return
     measured = measure(parked, runs=runs, seed=seed, text=task)
-    if plot is not None:
-        plot_plans(parked, measured.shown, plot)
     if as_json:
         print_document(measured.document())
     else:
         _show(measured)
+    if plot is not None:
+        plot_plans(parked, measured.shown, plot)
 
 
 def _show(measured: "Measured") -> None:

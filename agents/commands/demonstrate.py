@@ -64,6 +64,10 @@ def demonstrate(
     if bool(driver) == (recording is not None):
         raise ScenarioError(f"driver {driver!r}, --recording {recording}: give one of the two")
     check_place(out)
+    if recording is not None and out.resolve() == recording.resolve():
+        raise ScenarioError(
+            f"--out {out}: is the recording, which would be lost; name another file"
+        )
     with brought_by("train"):
         from race_agents.training.demonstrations import write_demonstrations
         from race_agents.training.demonstrator import demonstrate as drive_laps

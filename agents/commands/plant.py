@@ -9,6 +9,7 @@ import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.core.seeds import MOST_SEED
+from race_server.kept_file import check_place
 
 
 def plant(
@@ -106,6 +107,8 @@ def plant(
     ] = False,
 ) -> None:
     """Play a real kart: its own physics, sensors and control unit, tracked by the server."""
+    if report is not None:
+        check_place(report)
     # Set before any kernel is imported: one kart needs no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_agents.plant.radar import ERRS, PERFECT

@@ -10,11 +10,14 @@ from rich.table import Table
 from race_agents.policies.registry import policy_path
 from race_server.cli.document import AsJson, print_document
 from race_server.errors import ScenarioError
+from race_server.kept_file import check_place
 from race_server.terminal import Console
 
 app = typer.Typer(help="List learned policies, verify one, and join two.")
 
 UNKNOWN = "–"
+# They lie in memory: a kilobyte each.
+MOST_OBSERVATIONS = 1_000_000
 # Metadata beside the observations, with units.
 FACTS = {
     **dict.fromkeys(("action", "base", "vehicle", "lidar_rays"), ""),
@@ -35,7 +38,9 @@ def check(
     observations: Annotated[
         int,
         typer.Option(
-            min=1, help="Number of observations to compare, from tracks that no policy learns on."
+            min=1,
+            max=MOST_OBSERVATIONS,
+            help="Number of observations to compare, from tracks that no policy learns on.",
         ),
     ] = 10_000,
     example: Annotated[
@@ -54,6 +59,8 @@ def check(
     from race_agents.policies.verification import MOST_DIFFERENCE, observations_of, times_of
 
     path = policy_path(policy)
+    if example is not None:
+        check_place(example)
     loaded = Policy(path)
     seen = observations_of(loaded, observations)
     difference, remark = _difference(path, loaded, seen)

@@ -1,6 +1,7 @@
 """List all policies with their origin and their figures."""
 
 import json
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -74,11 +75,19 @@ def _title(policy: Path) -> str:
 
 
 def _evaluation(path: Path) -> dict[str, Any]:
-    """Return the figures over all courses; empty if the file has none."""
+    """Return the figures over all courses; empty if the file has none, or is damaged."""
     try:
         words = json.loads(path.read_text(encoding="utf-8"))
         name, keys = ("lot", LOT_FIGURES) if "lots" in words else ("track", TRACK_FIGURES)
         (row,) = [one for one in words[f"{name}s"] if one[name] == "all"]
-        return {key: row[key] for key in keys}
-    except (OSError, ValueError, KeyError, TypeError):
+        figures = {key: row[key] for key in keys}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
+    return figures if all(map(_is_figure, figures.items())) else {}
+
+
+def _is_figure(item: tuple[str, Any]) -> bool:
+    key, value = item
+    if value is None:
+        return key == "best_lap_s"
+    return isinstance(value, int | float) and math.isfinite(value)

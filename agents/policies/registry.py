@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from race_server.errors import DriverError
-from race_server.user_data import user_data
+from race_server.user_data import path_named, user_data
 
 # In the folder of a run.
 POLICY, CONFIG, EVALUATION, BEST = "policy.onnx", "config.toml", "evaluation.json", "best.pt"
@@ -18,7 +18,7 @@ def runs_folder() -> Path:
 
 def run_folder(name: str) -> Path:
     """Return the folder of a run: the given one, or that of its name."""
-    place = Path(name).expanduser()
+    place = path_named(name)
     return place if place.is_dir() else runs_folder() / name
 
 
@@ -30,8 +30,9 @@ def policy_path(name: str) -> Path:
 
     Raises:
         DriverError: there is none.
+        ScenarioError: it is in the home of no user.
     """
-    path = Path(name).expanduser()
+    path = path_named(name)
     if path.suffix == ".onnx":
         if path.is_file():
             return path

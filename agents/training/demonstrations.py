@@ -6,6 +6,7 @@ the observations, as in a race.
 """
 
 import json
+import math
 import zipfile
 import zlib
 from dataclasses import asdict, dataclass, fields
@@ -22,6 +23,7 @@ from race_agents.training.teacher import actions_of
 from race_server.core.observation import layout_of
 from race_server.envs.actions import BRAKED, CONTINUOUS, CONTROL, PEDAL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
+from race_server.kept_file import write_file
 from race_server.storage.arrays import read_arrays
 
 # Increase it when the meaning of an observation part or of a control changes.
@@ -67,14 +69,16 @@ def write_demonstrations(path: Path, shown: Demonstrations) -> None:
     """
     about = np.array(json.dumps(asdict(shown.about)))
     try:
-        with path.open("wb") as file:
-            np.savez_compressed(
+        write_file(
+            path,
+            lambda file: np.savez_compressed(
                 file,
                 allow_pickle=False,
                 observations=shown.observations,
                 controls=shown.controls,
                 about=about,
-            )
+            ),
+        )
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
@@ -121,6 +125,8 @@ def _check(shown: Demonstrations, path: Path) -> None:
         size = layout_of(shown.about.parts, shown.about.lidar_rays).size
     except ScenarioError as error:
         raise RecordingError(f"{path}: {error}") from error
+    if not 0.0 < shown.about.decision_s < math.inf:
+        raise RecordingError(f"{path}: decision_s = {shown.about.decision_s!r} is not valid")
     seen, controls = shown.observations, shown.controls
     count = len(seen) if seen.ndim else 0
     if count < 1 or seen.shape != (count, size) or controls.shape != (count, 4):

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
-from race_server.kept_file import check_place
+from race_server.pictures import check_picture
 from race_server.terminal import Console, say
 
 app = typer.Typer(help="Measure the speed of this program on this machine.", no_args_is_help=True)
@@ -54,7 +54,7 @@ def env(
     from race_server.tools.bench.scaling_plot import plot_scaling
 
     if plot is not None:
-        check_place(plot)
+        check_picture(plot)
     figures = bench_env(cores=cores, seconds=seconds)
     if figures["highway_lidar"] is None:
         _miss_highway()

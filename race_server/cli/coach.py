@@ -10,6 +10,7 @@ from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import MOST_LAPS, drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.seeds import MOST_SEED
+from race_server.errors import ScenarioError
 from race_server.pictures import check_picture
 from race_server.terminal import Console
 
@@ -86,9 +87,14 @@ def _lessons(
 
 
 def _draw(lessons: "dict[int, Lesson]", picture: Path, console: Console) -> None:
-    """Draw each lesson; of several the name of the file ends with the number of the seat."""
+    """Draw each lesson; of several the name of the file ends with the number of the seat.
+
+    Raises:
+        ScenarioError: there is nothing to draw, or a file cannot be written.
+    """
     from race_server.competition.lesson_picture import draw_lesson
 
+    has_drawn = False
     for seat, lesson in lessons.items():
         path = picture
         if lesson.best is None and len(lessons) > 1:
@@ -98,6 +104,9 @@ def _draw(lessons: "dict[int, Lesson]", picture: Path, console: Console) -> None
             path = picture.with_name(f"{picture.stem}-{seat}{picture.suffix}")
         draw_lesson(lesson, path)
         console.print(f"written: {path}", style="dim", soft_wrap=True)
+        has_drawn = True
+    if not has_drawn:
+        raise ScenarioError(f"{picture}: nothing is drawn, for no lap of any driver is compared")
 
 
 def _show(lesson: "Lesson") -> None:

@@ -140,18 +140,14 @@ def newest_event(record: str, session: str = "") -> Path:
 
 def _files(record: str, session: str = "") -> list[Path]:
     """Return the files of all events, the newest first."""
-    from race_server.competition.event_state import SUFFIX
+    from race_server.competition.event_state import event_files
     from race_server.storage.recording.logbook import folder_of
 
     folder = folder_of(record)
-    found = sorted(folder.glob(f"{session}*{SUFFIX}"), key=_written) if folder else []
+    found = event_files(folder, session) if folder else []
     if not found:
         raise ScenarioError(
             f"no event in {folder}: serve one with `race serve --format`, or name another folder "
             "with --record"
         )
-    return found[::-1]
-
-
-def _written(path: Path) -> float:
-    return path.stat().st_mtime
+    return found

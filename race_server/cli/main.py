@@ -1,5 +1,6 @@
 """`race`: the command line. An error is one line on stderr and exit code 2."""
 
+import errno
 import shutil
 import sys
 import traceback
@@ -39,6 +40,9 @@ from race_server.version import __version__
 
 # Columns of a terminal from which the help's five columns hold the longest words.
 WIDE = 120
+# What a system says of a disk that takes no more, and of a name at which it opens nothing.
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+REFUSED = {errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.EROFS, errno.ELOOP, errno.ENOTDIR}
 
 app = typer.Typer(
     name="race",
@@ -135,7 +139,21 @@ def main() -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
-    except Exception:
+    except Exception as error:
+        if refusal := _refusal(error):
+            say(f"error: {refusal}", error=True)
+            sys.exit(2)
         # A fault of ours; what it tells may quote text from outside.
         say(traceback.format_exc(), error=True)
         sys.exit(1)
+
+
+def _refusal(error: Exception) -> str:
+    """Return what to tell of a disk that is full or a name that is refused, "" of all else."""
+    if not isinstance(error, OSError):
+        return ""
+    if error.errno in FULL:
+        return f"the output cannot be written ({error.strerror}); make room, or choose another disk"
+    if error.errno in REFUSED and error.filename is not None:
+        return f"{error.filename}: {error.strerror}; name another file or folder"
+    return ""

@@ -42,6 +42,8 @@ def replay(
     """
     from race_server.storage.recording.reader import read_recording
 
+    if play and as_json:
+        raise RecordingError("--play shows the race, --json is of the check: leave one of them out")
     recording = read_recording(file)
     if play:
         from race_server.cli.recording_view import show
@@ -164,7 +166,8 @@ def info(file: File, as_json: AsJson = False) -> None:
 
 def _print_info(document: dict[str, Any]) -> None:
     console = Console()
-    facts = Table("", "", show_header=False, box=None)
+    facts = Table("", show_header=False, box=None)
+    facts.add_column(overflow="fold")
     seconds = document["ticks"] / TICKS_PER_SECOND
     state = "complete" if document["is_complete"] else "not finished"
     rows = {
@@ -184,7 +187,7 @@ def _print_info(document: dict[str, Any]) -> None:
     for seat, driver in document["drivers"].items():
         times = [lap["time_us"] for lap in document["laps"] if lap["seat"] == seat]
         laps.add_row(str(seat), driver, str(len(times)), lap_text(min(times, default=0)))
-    console.print(laps)
+    console.print_whole(laps)
 
 
 @app.command()

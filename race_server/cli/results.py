@@ -48,6 +48,8 @@ def _winner(race: dict[str, Any]) -> str:
     """Return the winner of a race, or why there is none."""
     if race["ended"] != "finished":
         return "(stopped)" if race["ended"] else "(not ended)"
+    if not race["entries"] or race["entries"][0]["rank"] != 1:
+        return "(unknown)"  # of a file that was damaged
     first = race["entries"][0]
     return first["driver"] if first["status"] == "finished" else "(none finished)"
 

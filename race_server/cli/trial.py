@@ -150,8 +150,11 @@ def trial(options: TrialOptions) -> None:
         plan = TrialPlan(tuple(specs), tuple(gaps), options.jobs, options.ghost, log.path)
         done = _drive(plan, log, console, quiet=options.as_json)
         _show(done, names if options.beside else (), as_json=options.as_json)
-        _finish(log, console)
-    _write_files(done, options, console)
+        try:
+            _finish(log, console)
+        finally:
+            # What was driven is in these files, whatever becomes of the results file.
+            _write_files(done, options, console)
     if done.stopped:
         console.print("stopped: these are the runs that were finished", style="yellow")
         sys.exit(130)
@@ -217,13 +220,17 @@ def _check_files(plot: Path | None, *tables: Path | None) -> None:
     """Check before the first run that the files can be written.
 
     Raises:
-        ScenarioError: there is no place for one of them, or the picture has another ending.
+        ScenarioError: there is no place for one of them, two are the same, or the picture has
+            another ending.
     """
     if plot is not None:
         check_picture(plot)
-    for path in tables:
-        if path is not None:
-            check_place(path)
+    given = [path for path in (plot, *tables) if path is not None]
+    for path in given:
+        check_place(path)
+    files = [path.resolve() for path in given if not path.exists() or path.is_file()]
+    if twice := [path for path in files if files.count(path) > 1]:
+        raise ScenarioError(f"{twice[0]}: two options write this file; name another for one")
 
 
 def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -> "Trial":

@@ -16,7 +16,7 @@ from race_server.printable import fault_of_name
 from race_server.scenario.text_files import read_text
 from race_server.storage.csv_table import csv_text, text_in
 from race_server.storage.whole_file import write_whole
-from race_server.user_data import user_data
+from race_server.user_data import path_named, user_data
 
 VARIABLE = "RACE_SERVER_ENTRANTS"
 COLUMNS = ("number", "name")
@@ -37,7 +37,7 @@ class Import:
 def default_path() -> Path:
     """Return where the entrants of this user are kept."""
     if named := os.environ.get(VARIABLE):
-        return Path(named).expanduser()
+        return path_named(named)
     return user_data("entrants.csv")
 
 

@@ -14,6 +14,7 @@ from race_server.competition.race_day.plan import DayPlan
 from race_server.competition.race_day.protest import Protest
 from race_server.competition.race_day.record import RaceRecord, Team
 from race_server.core.bounds import MOST_KARTS
+from race_server.core.seeds import MOST_SEED
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
 from race_server.kept_file import free_aside
@@ -23,6 +24,8 @@ from race_server.storage.whole_file import write_whole
 
 VERSION = 1
 SUFFIX = ".event.json"
+# When an event that is over began, in the name of its file.
+STAMP = "????????T??????"
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,13 @@ class EventFile:
         return aside
 
 
+def event_files(folder: Path, session: str = "") -> list[Path]:
+    """Return the files of the events of a session, the newest first. session: "" for any."""
+    names = (f"{session}{SUFFIX}", f"{session}-{STAMP}{SUFFIX}") if session else (f"*{SUFFIX}",)
+    found = [path for name in names for path in folder.glob(name)]
+    return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+
+
 def read_event(path: Path) -> EventState:
     """Return the event in a file.
 
@@ -183,18 +193,11 @@ def _checked(state: EventState) -> EventState:
         ValueError: they do not fit together.
     """
     datetime.fromisoformat(state.begun_at)
+    if not 0 <= state.seed <= MOST_SEED:
+        raise ValueError(f"seed = {state.seed}: give one from 0 to {MOST_SEED}")
     if missing := set(state.format.letters) - set(state.tracks):
         raise ValueError(f"tracks: there is none for letter {', '.join(sorted(missing))}")
-    if not state.entrants:
-        raise ValueError("entrants: there are none")
-    for one in state.entrants:
-        bytes.fromhex(one.key)
-        if not 0 <= one.seat < MOST_KARTS:
-            raise ValueError(f"an entrant has seat {one.seat}: give one from 0 to {MOST_KARTS - 1}")
-    for what in ("team", "seat"):
-        given = [getattr(one, what) for one in state.entrants]
-        if twice := [one for one in given if given.count(one) > 1]:
-            raise ValueError(f"two entrants have the {what} {twice[0]!r}")
+    _check_entrants(state.entrants)
     teams = {one.team for one in state.entrants}
     for record in state.records:
         driven = {one.team for one in record.drives}
@@ -207,3 +210,21 @@ def _checked(state: EventState) -> EventState:
         if protest.against not in teams or not 0 <= protest.drive < len(state.records):
             raise ValueError(f"protest {protest.number} is about no result of the event")
     return state
+
+
+def _check_entrants(entrants: tuple[Entrant, ...]) -> None:
+    """Check that there are drivers, each on a seat and with a name that no other has.
+
+    Raises:
+        ValueError: they do not fit together.
+    """
+    if not entrants:
+        raise ValueError("entrants: there are none")
+    for one in entrants:
+        bytes.fromhex(one.key)
+        if not 0 <= one.seat < MOST_KARTS:
+            raise ValueError(f"an entrant has seat {one.seat}: give one from 0 to {MOST_KARTS - 1}")
+    for what in ("team", "seat"):
+        given = [getattr(one, what) for one in entrants]
+        if twice := [one for one in given if given.count(one) > 1]:
+            raise ValueError(f"two entrants have the {what} {twice[0]!r}")

@@ -18,7 +18,7 @@ from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.session import Session
-from race_server.storage.recording.logbook import Logbook
+from race_server.storage.recording.logbook import Logbook, recordings_of
 
 MOST_LETTERS = 32  # of the name of a session
 
@@ -60,14 +60,15 @@ def _record(
     scenario: Scenario, driver: str, seed: int, name: str, folder: Path, log: Callable[[str], None]
 ) -> Recorded:
     session = Session(name, scenario, decision_ticks=DECISION_TICKS)
-    before = set(folder.glob("*.mcap"))
     with (
         Logbook(folder, name, log) as book,
         ServerLink(free_address(), name, scenario.karts) as link,
     ):
+        before = recordings_of(folder, book.session)
         result = RaceServer(session, link, LOCKSTEP, (driver,), logbook=book).run(0)
+        # Others may record into the folder, too, but none of this name.
+        written = set(recordings_of(folder, book.session)) - set(before)
     assert result is not None
-    written = set(folder.glob("*.mcap")) - before
     if not written:
         raise RecordingError(f"seed {seed} was driven, and no recording of it is in {folder}")
     (path,) = written

@@ -8,6 +8,7 @@ from typing import Any
 
 from race_server.errors import ResultsError
 from race_server.printable import printable
+from race_server.storage.whole_file import write_whole
 
 # What a spreadsheet takes for the beginning of a formula; the last four are as wide as a kanji.
 FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
@@ -20,7 +21,7 @@ def write_csv(rows: Sequence[dict[str, Any]], path: Path, columns: Sequence[str]
         ResultsError: the file cannot be written.
     """
     try:
-        path.write_text(csv_text(rows, columns), encoding="utf-8")
+        write_whole(path, csv_text(rows, columns))
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror or error}") from error
 

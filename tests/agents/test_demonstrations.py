@@ -59,6 +59,9 @@ def test_foreign_and_damaged_files_are_refused_in_one_sentence(
     refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
     refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
     refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
+    for interval in (0.0, -0.05, float("nan")):
+        about = json.dumps({**words, "decision_s": interval})
+        refused("decision_s = .* is not valid", about=np.array(about))
     refused("damaged", about=np.array("{"))
     refused("damaged", observations=np.array([{"an": "object"}], object))
     refused("n above zero", controls=good["controls"][:-1])

@@ -1,12 +1,13 @@
 """`race event`: events in their files, damaged ones among them."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from race_server.cli.event import app
+from race_server.cli.event import app, newest_event
 from race_server.competition.event_state import Entrant, EventFile, EventState
 from race_server.competition.race_day.record import RaceRecord, TeamResult
 from race_server.errors import ScenarioError
@@ -52,6 +53,19 @@ def test_an_event_is_shown_by_the_name_that_the_list_prints(tmp_path: Path) -> N
         assert document["event"] == name.removesuffix(".event.json")
 
 
+def test_the_newest_event_of_a_session_is_not_that_of_another_whose_name_begins_alike(
+    tmp_path: Path,
+) -> None:
+    mine, over = write(tmp_path, "cup"), tmp_path / "cup-20261123T180000.event.json"
+    others = [write(tmp_path, name) for name in ("cup-b", "cup2")]
+    for seconds, path in enumerate((mine, *others)):
+        os.utime(path, (seconds, seconds))
+    assert newest_event(str(tmp_path), "cup") == mine
+    mine.rename(over)
+    assert newest_event(str(tmp_path), "cup") == over
+    assert newest_event(str(tmp_path)) == others[-1]
+
+
 def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:
     write(tmp_path, "cup")
     (tmp_path / "hurt.event.json").write_text("[" * 100_000)
@@ -69,6 +83,7 @@ def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:
         ('"tracks": {\n  "A": "oval"\n }', '"tracks": "oval"', "tracks = 'oval': give a table"),
         ('"A": "oval"', '"B": "oval"', "tracks: there is none for letter A"),
         ('"seat": 0', '"seat": true', r"entrants\[0\].seat = True: give a whole number"),
+        ('"seed": 1', '"seed": -1', "seed = -1: give one from 0 to"),
         ('"seat": 0', '"seat": 64', "an entrant has seat 64: give one from 0 to 63"),
         ('"key": "00"', '"key": "tcp"', "non-hexadecimal number"),
         ('"time_us": 9000000', f'"time_us": {10**30}', "time_us = 1000.*: give a whole number of"),

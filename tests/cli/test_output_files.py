@@ -1,11 +1,13 @@
 """Files that commands write: a place where none can be is refused before anything is driven."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from race_server.cli.main import app
+from race_server.cli.main import app, main
 
 PICTURES = (
     "coach raceline --picture",
@@ -18,14 +20,17 @@ PICTURES = (
     "exam races --plot",
     "exam sweep --plot",
     "day --sheet",
+    "bench plan --plot",
+    "bench env --plot",
 )
 OTHERS = (
     "trial --csv",
     "trial --laps-csv",
     "trial --save-lap",
     "demonstrate raceline --out",
-    "bench plan --plot",
-    "bench env --plot",
+    "policy check parking-1 --example",
+    "bench onboard --golden",
+    "plant --report",
 )
 
 
@@ -59,3 +64,54 @@ def test_a_folder_that_takes_no_file_is_refused(
 @pytest.mark.parametrize("words", PICTURES)
 def test_an_ending_of_no_picture_is_refused(words: str) -> None:
     assert "file.txt: write the picture as .png or .svg" in refused(words, Path("file.txt"))
+
+
+def test_two_tables_do_not_go_into_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "laps.csv"
+    again = tmp_path / "below" / ".." / "laps.csv"
+    (tmp_path / "below").mkdir()
+    for words in (f"trial --csv {again} --laps-csv", f"trial --save-lap {again} --csv"):
+        told = refused(words, path)
+        assert told == f"{path}: two options write this file; name another for one"
+
+
+def test_plans_that_are_driven_have_no_picture(tmp_path: Path) -> None:
+    told = refused("bench plan --vehicle lorry-16m5 --drive --plot", tmp_path / "p.png")
+    assert told.endswith("leave --plot out")
+
+
+@pytest.mark.parametrize("words", ["trial --csv", "coach", "limit oval --plot", "lot check"])
+def test_a_name_that_is_too_long_is_refused_in_one_line(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["race", *words.split(), f"{'x' * 300}.png"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.endswith(": File name too long; name another file or folder\n")
+    assert told.err.count("\n") == 1
+
+
+def test_a_disk_that_is_full_is_told_in_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "race_server", "drivers", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr == (
+        "error: the output cannot be written (No space left on device); make room, or choose "
+        "another disk\n"
+    )
+
+
+def test_a_recording_is_not_written_over_by_what_is_made_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "race.mcap"
+    path.write_bytes(b"a race")
+    told = refused(f"demonstrate --recording {path} --out", path)
+    assert told == f"--out {path}: is the recording, which would be lost; name another file"
+    assert path.read_bytes() == b"a race"

@@ -109,6 +109,10 @@ def test_pictures_of_several_drivers_are_named_by_their_seats(
     told = CliRunner().invoke(app, words)
     assert len(json.loads(told.stdout)["lessons"]) == 3
     assert drawn == ["report-0.png", "report-5.png"]  # of seat 3 no lap is compared
+    by_seat.update({0: by_seat[3], 5: by_seat[3]})
+    told = CliRunner().invoke(app, words)
+    assert len(json.loads(told.stdout)["lessons"]) == 3
+    assert "report.png: nothing is drawn" in str(told.exception)
 
 
 def test_a_circle_has_no_corner_to_teach() -> None:

@@ -93,9 +93,12 @@ def test_what_was_driven_is_told_where_it_cannot_be_recorded(
 def test_a_failed_task_is_recorded_as_the_same_task_and_driven_again_it_has_its_digest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    spec, told = ExamSpec("zone-30", [SEED], limit_s=1.0), []
+    spec = ExamSpec("zone-30", [SEED], limit_s=1.0)
+    told: list[Brake] = []
 
     def make(_: str) -> Driver:
+        # Meanwhile another exam records into the folder.
+        (tmp_path / f"yard-70-{len(told)}.journal.mcap").touch()
         told.append(Brake())
         return told[-1]
 

@@ -43,6 +43,7 @@ from race_server.competition.time_trial.run_spec import (
     run_specs_of,
     scenario_of,
 )
+from race_server.competition.time_trial.save import RunLog
 from race_server.competition.time_trial.table import beside_report_b, lap_rows
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.messages import Control
@@ -281,6 +282,19 @@ def test_nothing_is_driven_for_an_unknown_driver_or_a_newer_file(tmp_path: Path)
         connection.execute("pragma user_version = 99")
     with pytest.raises(ResultsError, match="is from a newer race-server"):
         trial(drivers="avoider", results=str(path))
+
+
+def test_tables_are_written_where_the_results_file_takes_nothing_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: RunLog) -> None:
+        raise ResultsError("the disk is full")
+
+    monkeypatch.setattr(RunLog, "finish", fail)
+    kept, table = tmp_path / "results.sqlite", tmp_path / "table.csv"
+    with pytest.raises(ResultsError, match="the disk is full"):
+        trial(drivers="follow_gap", tracks="oval", laps=1, jobs=1, results=str(kept), csv=table)
+    assert "follow_gap,oval" in table.read_text()
 
 
 def test_our_laps_stand_below_those_of_the_report(driven: Run) -> None:

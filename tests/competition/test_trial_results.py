@@ -1,16 +1,18 @@
 """Laps of a trial in the results file, and ghosts."""
 
 import sqlite3
+import zlib
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from race_server.competition.time_trial.gaps import GAPS
 from race_server.competition.time_trial.ghost import ghost_of, save_lap, sector_deltas
-from race_server.competition.time_trial.lap import SPEED
+from race_server.competition.time_trial.lap import COLUMNS, SPEED
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.save import RunLog, changes_of
 from race_server.errors import ResultsError
@@ -77,6 +79,38 @@ def test_a_lap_of_a_live_race_is_a_ghost_by_its_sectors(driven: Run, tmp_path: P
     ghost = ghost_of("1/1", course, "tt02", path)
     assert ghost.name.endswith("by its sectors")
     assert sector_deltas(lap.trace, ghost.trace, course) == pytest.approx((0, 0, 0), abs=0.005)
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["columns = replace(columns, 'time_s', 't')", "numbers = (select numbers from made)"],
+)
+def test_a_kept_lap_whose_trace_makes_no_sense_is_no_ghost(
+    driven: Run, tmp_path: Path, change: str
+) -> None:
+    path = tmp_path / "results.sqlite"
+    keep(path, driven)
+    with closing(sqlite3.connect(path)) as connection:
+        still = zlib.compress(np.zeros((len(COLUMNS), 9), "<f4").tobytes())
+        connection.execute("create temp table made as select ? as numbers", (still,))
+        connection.execute(f"update trace set {change}")
+        connection.commit()
+    with pytest.raises(ResultsError, match=r"is damaged \(the trace of lap 1/1 .* is none\)"):
+        ghost_of("1/1", load_course("oval"), "tt02", path)
+
+
+@pytest.mark.parametrize("sectors", ["[1e400, 2, 3]", "[0, 0, 9000000]", "[-1, 2, 3]", "[" * 10**5])
+def test_a_lap_whose_sectors_make_no_sense_is_a_ghost_of_constant_speed(
+    driven: Run, tmp_path: Path, sectors: str
+) -> None:
+    path = tmp_path / "results.sqlite"
+    keep(path, replace(driven, laps=driven.laps[:1]))
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("delete from trace")
+        connection.execute("update lap set sectors = ?", (sectors,))
+        connection.commit()
+    speeds = ghost_of("1/1", load_course("oval"), "tt02", path).trace[SPEED]
+    assert speeds.min() == pytest.approx(speeds.max())
 
 
 def test_an_unknown_ghost_is_answered_with_those_that_there_are(

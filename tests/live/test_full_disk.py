@@ -2,23 +2,30 @@
 
 import io
 import json
+import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from race_server.cli.serve import MOST_FAILURES, discards_race
 from race_server.cli.service import Service, serve_races
 from race_server.competition.launch import free_address
+from race_server.competition.time_trial.ghost import save_lap
 from race_server.errors import ResultsError
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.supervisor import Past
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
+from race_server.pictures import save
 from race_server.scenario.race import Rules, Scenario
 from race_server.session import Session
+from race_server.storage.csv_table import write_csv
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.whole_file import write_whole
@@ -123,6 +130,46 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     write_whole(path, "new")
     assert [file.name for file in tmp_path.iterdir()] == ["result.json"]
     assert path.read_text() == "new"
+
+
+def test_a_table_or_a_picture_that_the_disk_does_not_take_leaves_the_old_one(
+    tmp_path: Path,
+) -> None:
+    table, lap, picture = (tmp_path / name for name in ("t.csv", "lap.csv", "p.png"))
+    writers: dict[Path, Callable[[], object]] = {
+        table: lambda: write_csv([{"driver": "ann"}], table),
+        lap: lambda: save_lap(np.zeros((8, 2)), lap),
+        picture: lambda: save(Figure(), picture),
+    }
+    for path, write in writers.items():
+        path.write_text("old")
+        (tmp_path / f"{path.name}.part").symlink_to(FULL)
+        with pytest.raises((OSError, ResultsError), match="No space left"):
+            write()
+        assert path.read_text() == "old"
+        write()
+        assert path.read_bytes() != b"old"
+    assert {path.name for path in tmp_path.iterdir()} == {"t.csv", "lap.csv", "p.png"}
+
+
+def test_a_file_in_a_folder_that_takes_no_other_is_written_in_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "result.json"
+    write_whole(path, "old")
+    (tmp_path / "result.json.part").mkdir()
+    monkeypatch.setattr("race_server.kept_file.os.access", lambda *_: False)
+    write_whole(path, "new")
+    assert path.read_text() == "new"
+
+
+def test_a_file_may_be_a_pipe_of_another_program() -> None:
+    words = (
+        "from pathlib import Path; from race_server.storage.whole_file import write_whole; "
+        "write_whole(Path('/dev/stdout'), 'new')"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, check=False)
+    assert (done.stdout, done.stderr) == (b"new", b"")
 
 
 def test_a_race_that_ended_three_servers_is_not_resumed_by_the_fourth() -> None:

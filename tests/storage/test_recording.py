@@ -301,12 +301,18 @@ def test_the_commands_tell_of_a_recording(recorded: Path, tmp_path: Path) -> Non
     assert len(info["laps"]) == 6
     lines = run(app, ["recording", "cat", str(recorded), "--json", "--channel", "laps"]).stdout
     assert [json.loads(line)["lap"] for line in lines.splitlines()].count(2) == 3
+    narrow = run(app, ["recording", "info", str(recorded)], env={"COLUMNS": "40"}).stdout
+    assert info["started_at"] in "".join(line.strip() for line in narrow.splitlines())
+    assert narrow.count("pure_pursuit") == 2
     part = tmp_path / "part.mcap"
     run(app, ["recording", "cut", str(recorded), str(part), "--until", "3"])
     assert rerun_of(read_recording(part)).compared == 2
     shutil.copy(recorded, tmp_path / "copy.mcap")
     shown = run(app, ["replay", str(tmp_path / "copy.mcap"), "--play", "--speed", "1000"])
     assert "finishes" in shown.stdout
+    both = run(app, ["replay", str(part), "--play", "--json"])
+    assert both.stdout == ""
+    assert "leave one of them out" in str(both.exception)
 
 
 GUARD = """

@@ -9,11 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from race_server.errors import ResultsError
+from race_agents.policies.registry import policy_path
+from race_server.errors import ResultsError, ScenarioError
 from race_server.session.lap_log import Lap
+from race_server.storage.recording.logbook import folder_of
 from race_server.storage.results import schema
 from race_server.storage.results.queries import all_laps, races, trace_of
-from race_server.storage.results.schema import MIGRATIONS, default_path, open_file, version_of
+from race_server.storage.results.schema import (
+    MIGRATIONS,
+    default_path,
+    open_file,
+    path_of,
+    version_of,
+)
 from race_server.storage.results.store import Store
 from support.results import a_race, fill, outcome
 
@@ -183,6 +191,20 @@ def test_many_servers_can_make_the_same_file_at_once(path: Path) -> None:
         thread.join(10.0)
     assert not errors
     assert len(races(path)) == 8
+
+
+def test_a_home_of_no_user_is_named_before_anything_is_driven() -> None:
+    for path_of_words in (path_of, folder_of, policy_path):
+        with pytest.raises(ScenarioError, match=r"~nosuch/x: ~nosuch is the home of no user here"):
+            path_of_words("~nosuch/x")
+
+
+def test_a_user_without_a_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    monkeypatch.delenv("RACE_SERVER_RESULTS", raising=False)
+    monkeypatch.setattr("os.path.expanduser", lambda words: words)
+    with pytest.raises(ScenarioError, match=r"let \$XDG_DATA_HOME or \$HOME name a folder"):
+        default_path()
 
 
 def test_the_file_lies_where_the_variable_or_the_desktop_standard_says(

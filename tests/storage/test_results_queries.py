@@ -2,13 +2,16 @@
 
 import csv
 import json
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
-from race_server.cli.results import edition_of
+from race_server.cli.results import app, edition_of
 from race_server.errors import ResultsError
 from race_server.session.lap_log import Lap
 from race_server.storage.results.export import export
@@ -128,3 +131,17 @@ def test_no_command_begins_with_a_file_that_it_cannot_use(path: Path, words: lis
     assert done.returncode == 2
     assert f"error: results file {path} is damaged" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_what_is_left_of_a_damaged_file_is_shown_and_rated(path: Path) -> None:
+    for _ in range(3):
+        fill(path, a_race("ann", "bob"), outcome("ann", "bob"))
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("delete from entry where race = 2")
+        connection.execute("update entry set rank = null where race = 3 and seat = 0")
+        connection.commit()
+    shown = CliRunner().invoke(app, ["list", "--results", str(path)])
+    assert [line.split()[-1] for line in shown.stdout.splitlines()[1:]] == [
+        *("(unknown)", "(unknown)", "ann")
+    ]
+    assert finished_races(path) == [[("ann", 1), ("bob", 2)]]

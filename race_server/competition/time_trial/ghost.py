@@ -1,6 +1,7 @@
 """Ghosts: recorded laps to compare with, and where another lap gains and loses time on them."""
 
 import csv
+import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ from race_server.core.state import Floats
 from race_server.errors import ResultsError
 from race_server.scenario.track.course import Course
 from race_server.storage.results.queries import Row, laps_on, trace_of
+from race_server.storage.results.schema import damaged
+from race_server.storage.whole_file import write_whole
 
 BEST = "best"
 # Laps listed in an error message, at most.
@@ -85,8 +88,18 @@ def _from_file(results: Path, row: Row, course: Course) -> Ghost:
     if not row["has_trace"]:
         return Ghost(f"{name}, by its sectors", time_s, _evenly(row, course))
     columns = trace_of(results, row["race"], row["seat"], row["number"])
-    nothing = np.zeros_like(columns["time_s"])
+    known = [columns.get(column) for column in COLUMNS if column not in PEDALS]
+    if any(column is None for column in known) or not _goes_on(np.array(known)):
+        raise damaged(results, f"the trace of lap {name} is none")
+    # Traces from before pedals were kept have none: they count as released.
+    nothing = np.zeros_like(known[0])
     return Ghost(name, time_s, np.array([columns.get(column, nothing) for column in COLUMNS]))
+
+
+def _goes_on(table: Floats) -> bool:
+    """Return whether a table (C, N) may be a trace: finite numbers, and time goes up."""
+    is_finite = table.shape[1] > 1 and bool(np.isfinite(table).all())
+    return is_finite and bool((np.diff(table[TIME]) > 0.0).all())
 
 
 def _evenly(row: Row, course: Course) -> Floats:
@@ -107,9 +120,10 @@ def _evenly(row: Row, course: Course) -> Floats:
 def _sectors(row: Row) -> list[int]:
     """Return the times of the sectors of a lap [µs], none where they are damaged."""
     try:
-        return [int(time_us) for time_us in json.loads(row["sectors"])]
-    except (ValueError, TypeError):
+        times = [int(time_us) for time_us in json.loads(row["sectors"])]
+    except (ValueError, TypeError, OverflowError, RecursionError):
         return []
+    return times if all(0 < time_us <= row["time_us"] for time_us in times) else []
 
 
 def _read(path: Path, course: Course) -> Ghost:
@@ -131,9 +145,8 @@ def _read(path: Path, course: Course) -> Ghost:
             "`race trial --save-lap` writes them"
         ) from error
     off = _OFF_LINE_SHARE * course.length
-    is_lap = table.shape[1] > 1 and np.isfinite(table).all() and (np.diff(table[TIME]) > 0.0).all()
     if (
-        not is_lap
+        not _goes_on(table)
         or abs(table[PROGRESS, 0]) > off
         or abs(table[PROGRESS, -1] - course.length) > off
     ):
@@ -150,11 +163,12 @@ def save_lap(trace: Floats, path: Path) -> None:
     Raises:
         ResultsError: the file cannot be written.
     """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([f"{value:.6f}" for value in point] for point in trace.T)
     try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows([f"{value:.6f}" for value in point] for point in trace.T)
+        write_whole(path, text.getvalue())
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {error.strerror}") from error
 

@@ -1,5 +1,8 @@
 """The first part of a recording as a separate recording."""
 
+import contextlib
+from collections.abc import Iterator
+from itertools import chain, takewhile
 from pathlib import Path
 
 from race_server.core.clock import TICKS_PER_SECOND
@@ -13,35 +16,56 @@ from race_server.storage.recording.recorder import Recorder
 def write_excerpt(source: Path, target: Path, until_s: float) -> int:
     """Copy what lies before a time [s] and return how many ticks that are.
 
+    The target is there once it is complete.
+
     Raises:
         RecordingError: the source is no recording, or the target exists or cannot be written.
     """
     if not until_s > 0.0:
         raise RecordingError(f"a part of {until_s:g} s is none; choose more with --until")
-    recorder: Recorder | None = None
-    begun_ns = last_ns = 0
-    for line in read_lines(source):
-        if not isinstance(line, Line):
-            break
-        if line.kind is START:
-            begun_ns = line.time_ns
-            recorder = _recorder(target, decode_start(line.data).session, begun_ns)
-        if recorder is None or line.time_ns - begun_ns >= until_s * NANOSECONDS:
-            continue
-        recorder.copy(line)
-        last_ns = max(last_ns, line.time_ns)
-    if recorder is None:
+    if target.exists():
+        raise _unwritable(target, "File exists")
+    whole = takewhile(lambda line: line is not None, read_lines(source))
+    lines = (line for line in whole if isinstance(line, Line))
+    start = next((line for line in lines if line.kind is START), None)
+    if start is None:
         raise RecordingError(f"recording {source} does not hold the beginning of a race")
-    recorder.close()
-    return (last_ns - begun_ns) * TICKS_PER_SECOND // NANOSECONDS
-
-
-def _recorder(target: Path, session: str, begun_ns: int) -> Recorder:
-    failures: list[str] = []
+    part = target.with_name(f"{target.name}.part")
     try:
-        file = target.open("xb")
+        last_ns = _copy(part, start, lines, until_s)
+        part.rename(target)
     except OSError as error:
-        raise RecordingError(
-            f"{target} cannot be written ({error.strerror or error}); name another file"
-        ) from error
-    return Recorder(file, session, begun_ns, failures.append)
+        raise _unwritable(target, error.strerror or str(error)) from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+    return round((last_ns - start.time_ns) * TICKS_PER_SECOND / NANOSECONDS)
+
+
+def _copy(part: Path, start: Line, lines: Iterator[Line], until_s: float) -> int:
+    """Copy a race into a file, and return the time [ns] of the last message.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    last_ns = start.time_ns
+
+    def wanted() -> Iterator[Line]:
+        nonlocal last_ns
+        for line in chain([start], lines):
+            if line.time_ns - start.time_ns < until_s * NANOSECONDS:
+                last_ns = max(last_ns, line.time_ns)
+                yield line
+
+    recorder = Recorder(
+        part.open("wb"), decode_start(start.data).session, start.time_ns, lambda _: None
+    )
+    with recorder:
+        is_written = recorder.copy_all(wanted())
+    if recorder.fault or not is_written:
+        raise OSError(recorder.fault or "the disk has stopped")
+    return last_ns
+
+
+def _unwritable(target: Path, why: str) -> RecordingError:
+    return RecordingError(f"{target} cannot be written ({why}); name another file")

@@ -25,7 +25,7 @@ from race_server.storage.recording.reader import (
     read_recording,
 )
 from race_server.storage.recording.recorder import Recorder
-from race_server.user_data import user_data
+from race_server.user_data import path_named, user_data
 
 VARIABLE = "RACE_SERVER_RECORDINGS"
 NOWHERE = "none"
@@ -33,15 +33,17 @@ NOWHERE = "none"
 STAMP = "????????-??????-???"
 # At most this many servers at once may serve sessions of the same name, each with its own journal.
 MOST_NAMESAKES = 16
-# Messages of an old journal that may wait for the disk, and for how long.
-COPIED_AT_ONCE, COPY_S = 4096, 60.0
 
 
 def folder_of(words: str) -> Path | None:
-    """Return the folder that an option names: the default where it is empty, None for `none`."""
+    """Return the folder that an option names: the default where it is empty, None for `none`.
+
+    Raises:
+        ScenarioError: it is in the home of no user.
+    """
     words = words or os.environ.get(VARIABLE, "")
     if words:
-        return None if words == NOWHERE else Path(words).expanduser()
+        return None if words == NOWHERE else path_named(words)
     return user_data("recordings")
 
 
@@ -88,6 +90,7 @@ class Logbook:
             self._lock, self.session = _locked(folder, session)
         except OSError as error:
             raise _unwritable(folder, error) from error
+        self._unfiled = ""  # when the race began that is over, and still in the journal
         self._part = folder / f"{self.session}.part.mcap"
         self.journal = folder / f"{self.session}.journal.mcap"
 
@@ -132,8 +135,13 @@ class Logbook:
     def begin(self, frame: StartFrame, *, takes_up: bool = False) -> Recorder | None:
         """Return a recorder for a race; one that is taken up begins with its old journal.
 
-        That the file cannot be made is said, and there is no recorder.
+        That the file cannot be made is said, and there is no recorder; also where the race before
+        is still in the journal.
         """
+        if self._unfiled:
+            self._file_away(self._unfiled)
+        if self._unfiled:
+            return None
         path = self._part if takes_up else self.journal
         try:
             return self._recorder(path, frame, takes_up=takes_up)
@@ -151,27 +159,31 @@ class Logbook:
         if not takes_up:
             recorder.begin(frame)
             return recorder
-        for number, line in enumerate(read_lines(self.journal), 1):
-            if isinstance(line, Line):
-                recorder.copy(line)
-            if number % COPIED_AT_ONCE == 0:
-                recorder.flush().wait(COPY_S)
-        # Until now the old journal is the one that counts.
-        if not recorder.flush().wait(COPY_S) or recorder.is_failing:
+        lines = (line for line in read_lines(self.journal) if isinstance(line, Line))
+        # Until it is copied the old journal is the one that counts.
+        if not recorder.copy_all(lines):
             raise RecordingError(f"{self.journal} cannot be copied")
         path.replace(self.journal)
         return recorder
 
     def end(self, recorder: Recorder, frame: StartFrame) -> Path:
-        """Close a recording and return where it lies now."""
+        """Close a recording and return where it lies now; it is said if it is still the journal."""
         recorder.close()
         return self._file_away(frame.started_at)
 
     def _file_away(self, started_at: str) -> Path:
         stamp = datetime.fromisoformat(started_at).strftime("%Y%m%d-%H%M%S-%f")[:-3]
         path = self.folder / f"{self.session}-{stamp}.mcap"
-        with contextlib.suppress(OSError):
+        try:
             self.journal.replace(path)
+        except OSError as error:
+            self._unfiled = started_at
+            self._log(
+                f"recording {self.journal} cannot be renamed to {path.name} "
+                f"({error.strerror or error}); no other race is recorded until it can"
+            )
+            return self.journal
+        self._unfiled = ""
         return path
 
 

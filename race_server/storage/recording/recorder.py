@@ -54,6 +54,8 @@ FLUSH_S = 0.05
 CHUNK_BYTES = 64 * 1024
 # Messages that wait for a disk that has stopped; a race goes on without its recording then.
 MOST_WAITING = 1 << 16
+# Messages of another recording that may wait for the disk, and for how long.
+COPIED_AT_ONCE, COPY_S = 4096, 60.0
 
 # A message, or what makes one: encoding is left to the thread.
 Content = bytes | Callable[[], bytes]
@@ -77,6 +79,7 @@ class Recorder:
         self._file = file
         self._begun_ns = begun_ns
         self._log = log
+        self.fault = ""  # why it takes no more
         self._writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start("race-server", f"race-server {__version__}")
         self._channels = {kind.key: self._register(kind, session) for kind in CHANNELS}
@@ -109,6 +112,20 @@ class Recorder:
         """Hand a message of another recording over."""
         self._hand_over((line.kind.key, line.time_ns, line.data))
 
+    def copy_all(self, lines: Iterable[Line]) -> bool:
+        """Copy messages no faster than the disk takes them; this waits.
+
+        Return whether all of them are with the operating system.
+        """
+        for number, line in enumerate(lines, 1):
+            self.copy(line)
+            if number % COPIED_AT_ONCE == 0 and not self._has_written():
+                return False
+        return self._has_written()
+
+    def _has_written(self) -> bool:
+        return self.flush().wait(COPY_S) and not self.is_failing
+
     @property
     def backlog(self) -> int:
         """How many messages have been handed over and are not yet written."""
@@ -117,11 +134,22 @@ class Recorder:
     @property
     def is_failing(self) -> bool:
         """Whether the recording takes no more."""
-        return self._queue.is_failing
+        return bool(self.fault)
 
     def _hand_over(self, entry: Message) -> None:
-        if not self._queue.is_failing and self.backlog < MOST_WAITING:
+        if self.is_failing:
+            return
+        if self.backlog < MOST_WAITING:
             self._queue.put(entry)
+        else:
+            # With a gap in it, it would be another race: it ends before the gap.
+            self._fail(f"{self.backlog} messages wait for the disk")
+
+    def _fail(self, fault: str) -> None:
+        """Take no more from now on, and say why, once."""
+        if not self.is_failing:
+            self.fault = fault
+            self._log(f"recording {self.path} takes no more ({fault}). The race goes on without it")
 
     def begin(self, frame: StartFrame) -> None:
         """Write how the race begins."""
@@ -197,11 +225,10 @@ class Recorder:
         self._writer.add_message(self._channels[key], at, data, at)
 
     def _give_up(self, error: Exception) -> None:
+        self._fail(f"{type(error).__name__}: {error}")
         self._queue.settle(0, is_failing=True)
         with contextlib.suppress(OSError, ValueError):
             self._file.close()
-        reason = f"{type(error).__name__}: {error}"
-        self._log(f"recording {self.path} takes no more ({reason}). The race goes on without it")
 
 
 def _encode_inputs(inputs: Inputs) -> bytes:

@@ -5,6 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from race_server.errors import ResultsError
+from race_server.kept_file import write_file
 from race_server.storage.csv_table import write_csv
 from race_server.storage.results.queries import Row
 
@@ -42,7 +43,8 @@ def _write_parquet(laps: Sequence[Row], to: Path) -> None:
             "pip install 'race-server[results]'; .csv needs nothing"
         ) from error
     schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in TYPES.items()])
+    table = arrow.Table.from_pylist(list(laps), schema=schema)
     try:
-        parquet.write_table(arrow.Table.from_pylist(list(laps), schema=schema), to)
+        write_file(to, lambda file: parquet.write_table(table, file))
     except OSError as error:
         raise ResultsError(f"{to}: cannot be written: {error.strerror or error}") from error

@@ -105,6 +105,8 @@ def all_laps(path: Path) -> list[Row]:
 def finished_races(path: Path) -> list[list[tuple[str, int]]]:
     """Return driver and rank of each kart of each race that ran to its end, oldest first.
 
+    A race is left out where a damaged file has lost a rank of it.
+
     Raises:
         ResultsError: the file cannot be read.
     """
@@ -116,7 +118,7 @@ def finished_races(path: Path) -> list[list[tuple[str, int]]]:
     found: dict[int, list[tuple[str, int]]] = {}
     for row in rows:
         found.setdefault(row["race"], []).append((row["driver"], row["rank"]))
-    return list(found.values())
+    return [ranks for ranks in found.values() if all(rank is not None for _, rank in ranks)]
 
 
 def laps_on(path: Path, *, track: str, digest: str) -> list[Row]:

@@ -12,7 +12,7 @@ from itertools import chain
 from pathlib import Path
 
 from race_server.errors import ResultsError
-from race_server.user_data import user_data
+from race_server.user_data import path_named, user_data
 
 VARIABLE = "RACE_SERVER_RESULTS"
 NOWHERE = "none"
@@ -127,10 +127,14 @@ def default_path() -> Path | None:
 
 
 def path_of(words: str) -> Path | None:
-    """Return the file that an option names: the default where it is empty, None for `none`."""
+    """Return the file that an option names: the default where it is empty, None for `none`.
+
+    Raises:
+        ScenarioError: it is in the home of no user.
+    """
     if not words:
         return default_path()
-    return None if words == NOWHERE else Path(words).expanduser()
+    return None if words == NOWHERE else path_named(words)
 
 
 def damaged(path: Path, why: object) -> ResultsError:
