@@ -76,6 +76,8 @@ class RaceSettings(Table):
     # Numbers of karts, one drawn for each race, the last ones left out; none: always all.
     fields: tuple[int, ...] = ()
     rules: dict[str, Any] = Field(default={})
+    # Half of the races have no items: boxes that are always there a policy takes for granted.
+    half_without_items: bool = False
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -27,6 +27,7 @@ class Choice(NamedTuple):
     distance: Range | None  # [m]; None: as the lot has it
     karts: int
     vehicle: str
+    has_items: bool  # as the rules say; False: none
 
 
 def courses_of(settings: Settings) -> tuple[str, ...]:
@@ -57,11 +58,12 @@ def choices_of(settings: Settings) -> tuple[Choice, ...]:
     asked = [stage.distance for stage in settings.curriculum]
     distances = tuple(dict.fromkeys(asked)) if settings.parks and asked else (None,)
     return tuple(
-        Choice(name, distance, karts, vehicle)
+        Choice(name, distance, karts, vehicle, has_items)
         for name in courses_of(settings)
         for distance in distances
         for karts in settings.race.sizes
         for vehicle in (settings.vehicle, *settings.more_vehicles)
+        for has_items in ((True, False) if settings.race.half_without_items else (True,))
     )
 
 
@@ -72,14 +74,23 @@ def training_task(settings: Settings) -> Task:
         RaceError: a track, a lot, a vehicle or a rule does not exist.
     """
     scenarios = tuple(
-        _with_karts(
-            _scenario(settings, choice.course, choice.vehicle, choice.distance),
-            choice.karts,
-            settings.race.learners,
+        _with_items(
+            _with_karts(
+                _scenario(settings, choice.course, choice.vehicle, choice.distance),
+                choice.karts,
+                settings.race.learners,
+            ),
+            choice.has_items,
         )
         for choice in choices_of(settings)
     )
     return _task(settings, scenarios)
+
+
+def _with_items(scenario: Scenario, has_items: bool) -> Scenario:
+    """Return a scenario as its rules say, or one without items."""
+    rules = scenario.rules
+    return scenario if has_items else replace(scenario, rules=replace(rules, items=False))
 
 
 def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:

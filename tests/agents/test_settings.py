@@ -89,6 +89,13 @@ def test_races_are_drawn_with_so_many_karts() -> None:
     assert 10 < (racing == 1).sum() < 30
 
 
+def test_half_of_the_races_have_no_items() -> None:
+    changes = ("race.rules.items=true", "race.half_without_items=true")
+    wanted = read_settings("time-trial-ppo", [*QUICK, *changes])
+    with_items = [one.rules.items for one in training_task(wanted).scenarios]
+    assert with_items.count(True) == with_items.count(False) > 0
+
+
 def test_each_vehicle_learns_on_every_course() -> None:
     changes = ["tracks.set=''", "tracks.names=['oval','covapsy-base']", "vehicle=tt02"]
     settings = read_settings("time-trial-kart", [*changes, "more_vehicles=['tt02-drift']"])
