@@ -15,7 +15,6 @@ from race_server.errors import ScenarioError, TrackError
 from race_server.scenario.track.blocks import Loop, lay
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.draw import draw_course
-from race_server.scenario.track.importers import import_course
 from race_server.scenario.track.load import load_course, read_course, spec_of, summary, track_names
 from race_server.scenario.track.polyline import area_of, crossings, lengths_of, nearest_on
 from support.courses import ring
@@ -232,30 +231,6 @@ def test_a_course_is_drawn_as_png_or_svg(tmp_path: Path, suffix: str) -> None:
 def test_another_kind_of_picture_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"as \.png or \.svg"):
         draw_course(load_course("oval"), tmp_path / "oval.bmp")
-
-
-def tum_file(folder: Path) -> Path:
-    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
-    rows = [f"{50 * np.cos(a):.4f},{50 * np.sin(a):.4f},3.0,4.0" for a in angle]
-    path = folder / "circle.csv"
-    path.write_text("# x_m,y_m,w_tr_right_m,w_tr_left_m\n" + "\n".join(rows) + "\n")
-    return path
-
-
-def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
-    target = tmp_path / "circle.toml"
-    course = import_course(tum_file(tmp_path), target, title="Circle").course
-    assert course.length == pytest.approx(100.0 * np.pi, rel=0.001)
-    assert course.half_widths[0] == pytest.approx((4.0, 3.0))
-    assert load_course(str(target)).digest == course.digest
-
-
-def test_a_tum_csv_with_words_names_the_line(tmp_path: Path) -> None:
-    path = tum_file(tmp_path)
-    path.write_text(path.read_text() + "one,two,three,four\n")
-    with pytest.raises(TrackError, match=r"circle\.csv, line 62: 'one,two,three,four' holds no"):
-        import_course(path, tmp_path / "c.toml", scale="kart", title="c")
-    assert not (tmp_path / "c.toml").exists()
 
 
 def test_a_loop_laid_to_the_left_of_its_line_is_smaller() -> None:
