@@ -168,6 +168,25 @@ def test_a_course_with_a_bridge_is_refused_with_the_place(tmp_path: Path) -> Non
         load_course(str(tmp_path / "eight.toml"))
 
 
+def test_a_crossing_in_a_sample_of_the_line_is_one_too(tmp_path: Path) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
+    rows = np.column_stack([10.0 * np.sin(angles), 6.0 * np.sin(2.0 * angles)]).tolist()
+    path = tmp_path / "eight.toml"
+    path.write_text(f'form = "line"\nhalf_width = 1\npoints = {rows}')
+    with pytest.raises(TrackError, match=r"crosses itself at \(0\.0\d, -0\.0\d\), 33\.\d m and"):
+        read_course(path)
+
+
+def test_half_widths_that_fall_below_nothing_between_points_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "narrows.toml"
+    rows = "[[0, 0, 2, 2], [20, 0, 2, 2], [20, 10, 0.1, 2], [0, 10, 0.1, 2]]"
+    path.write_text(f'form = "spline"\npoints = {rows}')
+    with pytest.raises(
+        TrackError, match=r"a half-width of -0\.\d\d m on the left near .*; let the"
+    ):
+        read_course(path)
+
+
 def test_an_unknown_track_is_named_with_the_known_ones() -> None:
     with pytest.raises(TrackError, match="'monza' is unknown; choose one of colline-1100, covapsy"):
         load_course("monza")
