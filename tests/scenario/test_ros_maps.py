@@ -100,6 +100,16 @@ def test_walls_drawn_as_lines_on_white_paper_make_the_same_course(tmp_path: Path
     assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
 
 
+def test_a_course_leads_around_its_infield_and_not_around_a_house_in_it(tmp_path: Path) -> None:
+    def is_free(x: Any, y: Any) -> Any:
+        is_wall = np.abs(np.abs(np.hypot(x, y) - 10.0) - 1.1) < 0.1
+        return ~is_wall & (np.maximum(np.abs(x), np.abs(y)) > 1.0)
+
+    course = imported(tmp_path, is_free).course
+    assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
+    assert course.width_mean == pytest.approx(2.0, abs=0.1)
+
+
 def test_a_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match="no closed corridor"):
         imported(tmp_path, lambda x, y: ring(x, y) & (x < 6.0))
