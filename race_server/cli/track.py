@@ -11,6 +11,7 @@ from race_server.cli.drill_report import progress
 from race_server.cli.findings import print_findings
 from race_server.cli.options import Course, Picture, picture_of
 from race_server.errors import TrackError
+from race_server.kept_file import check_place
 from race_server.terminal import Console, say
 
 # The vehicle that a course is checked for, by its scale.
@@ -127,6 +128,7 @@ def import_track(
 
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
+    check_place(to)
     with progress(f"importing {source.name}", 100) as bar:
         done = import_course(
             source,

@@ -155,6 +155,18 @@ def test_the_kept_map_is_free_where_the_drawn_one_is(tmp_path: Path) -> None:
     assert kept.file.origin == drawn.file.origin
 
 
+def test_a_course_is_not_written_beside_the_map_of_another(tmp_path: Path) -> None:
+    imported(tmp_path, ring)
+    before = (tmp_path / "course.toml").read_bytes()
+    (tmp_path / "square.csv").write_text("0,0,1,1\n9,0,1,1\n9,9,1,1\n0,9,1,1\n")
+    with pytest.raises(
+        TrackError, match=r"course\.map\.yaml: the map of another course, .* remove"
+    ):
+        import_course(tmp_path / "square.csv", tmp_path / "course.toml", title="Square")
+    assert (tmp_path / "course.toml").read_bytes() == before
+    imported(tmp_path, ring)  # another map takes its place
+
+
 def test_check_finds_samples_in_a_wall(tmp_path: Path) -> None:
     course = imported(tmp_path, ring).course
     line = course.line + np.array([2.5, 0.0, 0.0, 0.0])

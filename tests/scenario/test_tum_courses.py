@@ -10,7 +10,7 @@ from race_server.errors import TrackError
 from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.importers import import_course
-from race_server.scenario.track.load import load_course
+from race_server.scenario.track.load import load_course, read_course
 
 # A circle of radius 50 m; 3 m wide on the right of the line and 4 m on its left.
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
@@ -80,6 +80,27 @@ def test_a_row_that_makes_no_course_is_named_in_the_table(
     with pytest.raises(TrackError, match=r"circle\.csv, " + message):
         course_of(tmp_path, f"# mine\n1,2,3,4\n{row}\n")
     assert not (tmp_path / "circle.toml").exists()
+
+
+@pytest.mark.parametrize("name", ["caf\udce9", "clear\x1b[2J", "two\nlines"])
+def test_a_table_may_have_any_name(name: str, tmp_path: Path) -> None:
+    (tmp_path / f"{name}.csv").write_text(table())
+    done = import_course(tmp_path / f"{name}.csv", tmp_path / "circle.toml", title=name)
+    assert read_course(tmp_path / "circle.toml").digest == done.course.digest
+    assert done.course.title.isprintable()
+
+
+def test_a_course_whose_name_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "circle.csv").write_text(table())
+    with pytest.raises(TrackError, match="a course has its file's name in UTF-8; rename it"):
+        import_course(tmp_path / "circle.csv", tmp_path / "caf\udce9.toml", title="Circle")
+
+
+def test_a_long_name_is_cut_to_a_title(tmp_path: Path) -> None:
+    course_of(tmp_path, table())
+    words = (tmp_path / "circle.toml").read_text().replace('title = "Circle"\n', "")
+    (tmp_path / f"{'long' * 20}.toml").write_text(words)
+    assert read_course(tmp_path / f"{'long' * 20}.toml").title == "long" * 16
 
 
 def test_a_mark_before_a_text_is_none_of_it(tmp_path: Path) -> None:

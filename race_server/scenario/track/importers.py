@@ -9,6 +9,8 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.kept_file import write_together
+from race_server.printable import printable
+from race_server.scenario.toml_reader import MOST_LETTERS
 from race_server.scenario.track.build import SCALES, scale_for
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
@@ -48,10 +50,13 @@ def import_course(
     width speaks for.
 
     Raises:
-        TrackError: the source is neither, or holds no course; no file is written then.
+        TrackError: the source is neither, or holds no course, or another map lies beside the file;
+            no file is written then.
     """
     if scale and scale not in SCALES:
         raise TrackError(f"scale {scale!r} is unknown; choose one of {', '.join(SCALES)}")
+    if source.suffix.lower() not in MAPS:
+        check_no_map(target)
     if str(source).startswith(HIGHWAY):
         return _import_highway(str(source), target, scale)
     if source.suffix.lower() not in {".csv", *MAPS}:
@@ -98,17 +103,31 @@ def line_file(points: Floats, origin: str, scale: str, title: str) -> str:
 
     points: (N, 4) x, y, half-width left, half-width right [m]; origin: words on its first line.
     """
+    origin = printable(" ".join(origin.split()))
     clean = "".join(letter for letter in title if letter.isprintable() and letter not in '"\\')
     rows = [f"    [{x:.4f}, {y:.4f}, {left:.4f}, {right:.4f}]," for x, y, left, right in points]
     head = [
-        f"# {' '.join(origin.split())}. Points: x, y, half-width left, half-width right [m].",
+        f"# {origin}. Points: x, y, half-width left, half-width right [m].",
         "",
-        f'title = "{clean[:64] or "Imported"}"',
+        f'title = "{clean[:MOST_LETTERS] or "Imported"}"',
         'form = "line"',
         f'scale = "{scale}"',
         "points = [",
     ]
     return "\n".join([*head, *rows, "]", ""])
+
+
+def check_no_map(target: Path) -> None:
+    """Check that no map lies beside a course file that is to be made of something else.
+
+    Raises:
+        TrackError: there is one, with which the course would be compared.
+    """
+    if (beside := map_beside(target)) is not None:
+        raise TrackError(
+            f"{beside}: the map of another course, with which {target.name} would be compared; "
+            "remove it, or write the course under another name"
+        )
 
 
 def _check_line(course: Course, occupancy: OccupancyMap) -> None:
