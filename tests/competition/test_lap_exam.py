@@ -112,6 +112,18 @@ def test_a_folder_without_courses_is_refused_by_its_name(tmp_path: Path) -> None
         courses_in(tmp_path)
 
 
+def test_a_file_that_describes_no_course_is_told_before_anything_is_driven(
+    tmp_path: Path, driven: list[RunSpec]
+) -> None:
+    square, eight = "[0, 0], [9, 0], [9, 9], [0, 9]", "[0, 0], [9, 9], [9, 0], [0, 9]"
+    for name, points in ("a", square), ("b", eight):
+        words = f'form = "line"\nhalf_width = 1\npoints = [{points}]'
+        (tmp_path / f"{name}.toml").write_text(words)
+    with pytest.raises(TrackError, match=r"b\.toml: b: the line crosses itself"):
+        list(examine(LapExamSpec(courses_in(tmp_path)), ("raceline",)))
+    assert driven == []
+
+
 def test_a_course_that_was_driven_is_not_driven_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
