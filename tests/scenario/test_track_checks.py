@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from race_server.core.vehicle_presets import TT02
@@ -147,3 +148,19 @@ def test_a_point_with_a_half_width_that_no_course_has_is_refused(
     path.write_text(f'form = "spline"\npoints = [[0, 0, 1, 1], [9, 0, 1, {number}], [9, 9, 1, 1]]')
     with pytest.raises(TrackError, match=r"points\[2\] = .*: half-widths are above 0 and up to 10"):
         read_course(path)
+
+
+# Stretches that merge
+
+
+@pytest.mark.parametrize(("half_width", "merges"), [(1.0, True), (0.7, False)])
+def test_stretches_that_overlap_have_no_border_between_them(
+    half_width: float, merges: bool, tmp_path: Path
+) -> None:
+    # A bone: between its lobes two straights along y = 0.75 m and y = -0.75 m.
+    t = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    rows = np.column_stack([12.0 * np.cos(t), np.sin(t) * (0.75 + 6.0 * np.cos(t) ** 8)])
+    path = tmp_path / "bone.toml"
+    path.write_text(f'form = "line"\nhalf_width = {half_width}\npoints = {rows.tolist()}')
+    told = [one for one in check_course(read_course(path), TT02) if "overlaps" in one.what]
+    assert [one.level for one in told] == ["warning"] * merges
