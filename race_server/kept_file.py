@@ -87,7 +87,8 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     Raises:
         OSError: one cannot be written.
     """
-    aside = {path: path.with_name(f"{path.name}.part") for path in files}
+    # Another process may write the same files at the same time.
+    aside = {path: path.with_name(f"{path.name}.{os.getpid()}.part") for path in files}
     try:
         for path, data in files.items():
             with aside[path].open("wb") as file:

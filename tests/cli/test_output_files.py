@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from race_server.cli.main import app, main
+from race_server.kept_file import write_together
 
 PICTURES = (
     "coach raceline --picture",
@@ -115,3 +116,11 @@ def test_a_recording_is_not_written_over_by_what_is_made_of_it(tmp_path: Path) -
     told = refused(f"demonstrate --recording {path} --out", path)
     assert told == f"--out {path}: is the recording, which would be lost; name another file"
     assert path.read_bytes() == b"a race"
+
+
+def test_files_that_another_process_writes_aside_are_left_to_it(tmp_path: Path) -> None:
+    others = tmp_path / "course.toml.part"
+    others.write_bytes(b"half of a")
+    write_together({tmp_path / "course.toml": b"whole"})
+    assert others.read_bytes() == b"half of a"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["course.toml", "course.toml.part"]
