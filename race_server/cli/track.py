@@ -145,3 +145,5 @@ def import_track(
         say(f"scale {done.scale}: {why}; choose --scale {others[0]} if that is wrong")
     else:
         say(f"warning: --scale {done.scale} looks wrong: {why}", error=True)
+    if done.remark:
+        say(f"warning: {done.remark}", error=True)

@@ -110,6 +110,15 @@ def test_a_course_leads_around_its_infield_and_not_around_a_house_in_it(tmp_path
     assert course.width_mean == pytest.approx(2.0, abs=0.1)
 
 
+def test_an_import_says_that_a_map_has_more_loops_than_a_course(tmp_path: Path) -> None:
+    def eight(x: Any, y: Any) -> Any:
+        return np.abs(np.hypot(x, np.abs(y) - 5.0) - 5.0) < 1.0
+
+    assert imported(tmp_path, eight).remark.startswith("the map has 2 islands that may each")
+    assert imported(tmp_path, ring).remark == ""
+    assert imported(tmp_path, lambda x, y: ring(x, y) & (np.hypot(x - 10.0, y) > 0.5)).remark == ""
+
+
 def test_a_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match="no closed corridor"):
         imported(tmp_path, lambda x, y: ring(x, y) & (x < 6.0))

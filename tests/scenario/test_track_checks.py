@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
 from race_server.scenario.places import own_folder
 from race_server.scenario.track.check import check_course
@@ -164,3 +164,15 @@ def test_stretches_that_overlap_have_no_border_between_them(
     path.write_text(f'form = "line"\nhalf_width = {half_width}\npoints = {rows.tolist()}')
     told = [one for one in check_course(read_course(path), TT02) if "overlaps" in one.what]
     assert [one.level for one in told] == ["warning"] * merges
+
+
+# Grid
+
+
+def test_a_kart_track_that_does_not_say_so_is_told_its_scale(tmp_path: Path) -> None:
+    words = (own_folder("tracks") / "hangar-400.toml").read_text()
+    (tmp_path / "mine.toml").write_text(words.replace('scale = "kart"\n', ""))
+    course = read_course(tmp_path / "mine.toml")
+    (error,) = [one.what for one in check_course(course, KART_60) if one.level == "error"]
+    assert error.startswith("two grid places are 0.")
+    assert error.endswith('give the course scale = "kart"')

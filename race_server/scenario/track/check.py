@@ -218,7 +218,9 @@ def _start_grid(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
         found.append(CourseIssue("error", f"{tight} grid places are too near to a border"))
     steps = np.hypot(*(course.grid[1:, :2] - course.grid[:-1, :2]).T)
     if len(steps) and steps.min() < vehicle.width:
-        found.append(CourseIssue("error", "two grid places overlap"))
+        what = f"two grid places are {steps.min():.2f} m apart, and {vehicle.name} is"
+        way_out = "lower grid_places" if vehicle.is_model_car else 'give the course scale = "kart"'
+        found.append(CourseIssue("error", f"{what} {vehicle.width:.2f} m wide: {way_out}"))
     return found
 
 

@@ -20,6 +20,8 @@ MOST_EDGES = 1 << 17  # of pixels, between the corridor and its walls
 # What is less than this share of the free pixels is no corridor, and an island less than this
 # share of the corridor's extent is not what it leads around.
 LEAST_SHARE, LEAST_ISLAND = 0.01, 0.05
+# An island from this share of the extent of that one may be the middle of another loop.
+LOOP_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,16 @@ def _largest_island(walls: Parts, outside: int) -> tuple[int, float]:
     sizes[outside] = 0
     island = int(np.argmax(sizes))
     return island, _extent(walls.of == island) if sizes[island] else 0.0
+
+
+def other_loops(corridor: Corridor) -> int:
+    """Return how many islands in a corridor are not much smaller than the one that it surrounds."""
+    walls = corridor.walls
+    least = LOOP_SHARE * _extent(walls.of == corridor.island)
+    # The thinnest wall that is this long has this number of pixels, or more.
+    large = np.flatnonzero(walls.sizes >= np.sqrt(0.5) * least).tolist()
+    others = set(large) - {corridor.outside, corridor.island}
+    return sum(_extent(walls.of == part) >= least for part in others)
 
 
 def _extent(mask: Mask) -> float:

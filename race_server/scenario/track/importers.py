@@ -12,6 +12,7 @@ from race_server.kept_file import write_together
 from race_server.printable import printable
 from race_server.scenario.toml_reader import MOST_LETTERS
 from race_server.scenario.track.build import SCALES, scale_for
+from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
@@ -34,6 +35,7 @@ class Imported:
     course: Course
     scale: str
     likely_scale: str  # of a course of this width
+    remark: str = ""  # on what else the map shows
 
 
 def import_course(
@@ -66,7 +68,8 @@ def import_course(
     report(0.0)
     occupancy = read_map(source) if source.suffix.lower() in MAPS else None
     report(0.1)
-    points = points_in(occupancy) if occupancy else read_tum(source)
+    corridor = find_corridor(occupancy) if occupancy else None
+    points = points_in(occupancy, corridor) if occupancy and corridor else read_tum(source)
     report(0.3)
     likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
     words = line_file(points, f"Imported from {source.name}", scale or likely, title).encode()
@@ -79,7 +82,7 @@ def import_course(
     files[target] = words
     _write(files, target)
     report(1.0)
-    return Imported(course, scale or likely, likely)
+    return Imported(course, scale or likely, likely, _remark_on(corridor) if corridor else "")
 
 
 def _import_highway(name: str, target: Path, scale: str) -> Imported:
@@ -143,6 +146,16 @@ def _check_line(course: Course, occupancy: OccupancyMap) -> None:
             f"{occupancy.file.path}: the corridor is too narrow near ({x:.2f}, {y:.2f}) for a "
             "line of this scale; give a finer picture, or draw away what stands there"
         )
+
+
+def _remark_on(corridor: Corridor) -> str:
+    """Return a sentence on loops that the course leaves out, "" if there are none."""
+    if not (count := other_loops(corridor)):
+        return ""
+    return (
+        f"the map has {count + 1} islands that may each be the middle of a loop; the course leads "
+        "around the largest, and past the others: draw shut what is not part of it"
+    )
 
 
 def _kept_map(occupancy: OccupancyMap, target: Path) -> dict[Path, bytes]:
