@@ -87,6 +87,13 @@ class TomlReader:
             raise self.wrong(key, value, f"give a number from {low:g} to {high:g}")
         return float(value)
 
+    def whole(self, key: str, default: int, low: int, high: int) -> int:
+        """Take a whole number out of a range; 12.0 is one, 12.5 is none."""
+        value = self.take(key, default)
+        if not is_number(value) or not low <= value <= high or value != int(value):
+            raise self.wrong(key, value, f"give a whole number from {low} to {high}")
+        return int(value)
+
     def pair(self, key: str) -> tuple[float, float] | None:
         """Take two numbers out, if they are there."""
         value = self.take(key, None)

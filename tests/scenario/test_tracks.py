@@ -142,7 +142,7 @@ def test_an_open_border_says_how_far_its_ends_are_apart(tmp_path: Path) -> None:
         ("4xS L 4xS", "4xQ L 4xS", "outer border, piece 1: '4xQ' is no block"),
         ("heading = 0.0", "heading = true", "outer.heading = 'True': give a number in degrees"),
         ('form = "blocks"', 'form = "bricks"', "form = 'bricks': choose one of blocks, line"),
-        ('title = "Square"', "gates = 2", "gates = '2': give a number from 3 to 200"),
+        ('title = "Square"', "gates = 2", "gates = '2': give a whole number from 3 to 200"),
         ('title = "Square"', "kerbs = 2", "kerbs = '2': no such key"),
         ('title = "Square"', 'title = "', "no TOML"),
         ("[inner]", "[insider]", "inner = 'None': give a table with start, heading and blocks"),
