@@ -3,6 +3,8 @@
 import contextlib
 import json
 import re
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -245,6 +247,14 @@ def test_a_course_is_drawn_as_png_or_svg(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"oval{suffix}"
     draw_course(load_course("oval"), path)
     assert path.stat().st_size > 10_000
+
+
+def test_a_title_in_any_script_is_drawn_without_a_word(tmp_path: Path) -> None:
+    course = replace(ring(), title="鈴鹿 🏎")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw_course(course, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 1000
 
 
 def test_another_kind_of_picture_is_refused(tmp_path: Path) -> None:
