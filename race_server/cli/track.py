@@ -8,7 +8,7 @@ from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
-from race_server.cli.findings import print_findings
+from race_server.cli.findings import print_findings, rows_of
 from race_server.cli.options import Course, Picture, picture_of
 from race_server.errors import TrackError
 from race_server.kept_file import check_place
@@ -25,7 +25,7 @@ def list_tracks(as_json: AsJson = False) -> None:
     """List all courses with length, width, sectors, grid places and item boxes."""
     from race_server.scenario.track.load import load_course, summary, track_names
 
-    rows = [summary(load_course(name)) for name in track_names()]
+    rows = rows_of(track_names(), lambda name: summary(load_course(name)))
     if as_json:
         print_document(rows)
         return
