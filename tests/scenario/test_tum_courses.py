@@ -58,6 +58,17 @@ def test_points_that_come_again_leave_no_kink(off: float, tmp_path: Path) -> Non
     assert np.abs(course.line[:, 3]).max() == pytest.approx(1.0 / 50.0, rel=0.02)
 
 
+def test_a_loop_that_is_open_is_told_with_its_gap(tmp_path: Path) -> None:
+    def remark_on(rows: Sequence[tuple[float, ...]]) -> str:
+        (tmp_path / "arc.csv").write_text(table(rows=rows))
+        return import_course(tmp_path / "arc.csv", tmp_path / "arc.toml", title="Arc").remark
+
+    # Half a circle of radius 50 m, and its steps of 6 degrees.
+    told = remark_on(CIRCLE[:31])
+    assert told.startswith("the last point is 100.00 m from the first, and others are 5.23 m apart")
+    assert remark_on(CIRCLE) == remark_on(CIRCLE[:-2]) == ""
+
+
 def test_a_racing_line_is_no_centre_line(tmp_path: Path) -> None:
     text = "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps\n1; 2; 3; 1; 1; 9\n"
     with pytest.raises(TrackError, match=r"line 1: columns s_m, x_m, .*: none for the widths to"):

@@ -18,12 +18,15 @@ from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
 from race_server.scenario.track.load import course_in
 from race_server.scenario.track.occupancy_map import OccupancyMap, read_map
+from race_server.scenario.track.polyline import lengths_of
 from race_server.scenario.track.ros_map import points_in
 from race_server.scenario.track.tum import read_tum
 
 MAPS = (".yaml", ".yml")
 # Ends the name of a map that is kept beside a course: `ring.map.yaml` beside `ring.toml`.
 MAP_BESIDE = ".map.yaml"
+# A table is open where its last point is more than this number of the longest steps from the first.
+OPEN = 3.0
 # Takes the share of the work that is done.
 Report = Callable[[float], None]
 
@@ -35,7 +38,7 @@ class Imported:
     course: Course
     scale: str
     likely_scale: str  # of a course of this width
-    remark: str = ""  # on what else the map shows
+    remark: str = ""  # on what may be wrong with it
 
 
 def import_course(
@@ -82,7 +85,7 @@ def import_course(
     files[target] = words
     _write(files, target)
     report(1.0)
-    return Imported(course, scale or likely, likely, _remark_on(corridor) if corridor else "")
+    return Imported(course, scale or likely, likely, _remark_on(points, corridor))
 
 
 def _import_highway(name: str, target: Path, scale: str) -> Imported:
@@ -148,8 +151,16 @@ def _check_line(course: Course, occupancy: OccupancyMap) -> None:
         )
 
 
-def _remark_on(corridor: Corridor) -> str:
-    """Return a sentence on loops that the course leaves out, "" if there are none."""
+def _remark_on(points: Floats, corridor: Corridor | None) -> str:
+    """Return a sentence on loops that the course leaves out, or on a gap in it, "" for neither."""
+    if corridor is None:
+        *steps, last = lengths_of(points[:, :2]).tolist()
+        if last <= OPEN * max(steps):
+            return ""
+        return (
+            f"the last point is {last:.2f} m from the first, and others are {max(steps):.2f} m "
+            "apart at most: the course closes across that gap, where it may not lead"
+        )
     if not (count := other_loops(corridor)):
         return ""
     return (
