@@ -1,5 +1,6 @@
 """Courses imported from tables of a centre line, as other programs write them."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -40,6 +41,10 @@ def table(separator: str = ",", rows: Sequence[tuple[float, ...]] = CIRCLE) -> s
         "\ufeff" + table(),
         "# x_m, y_m, w_tr_left_m, w_tr_right_m\n"
         + table(rows=[(x, y, left, right) for x, y, right, left in CIRCLE]),
+        # As pandas writes it, and with quotes.
+        ",x_m,y_m,w_tr_right_m,w_tr_left_m\n"
+        + table(rows=[(float(n), *row) for n, row in enumerate(CIRCLE)]),
+        re.sub(r"([^,\n]+)", r'"\1"', "x_m,y_m,w_tr_right_m,w_tr_left_m\n" + table()),
         "# s_m; x_m; y_m; width_right [m]; width_left [m]\n"
         + table(";", [(0.0, *row) for row in CIRCLE]),
     ],

@@ -25,8 +25,8 @@ SAME_SHARE, SAME = 0.05, 2e-4
 # Where x, y, width right and width left stand in a row.
 Columns = tuple[int, int, int, int]
 USUAL: Columns = (0, 1, 2, 3)
-# The name of a column, with its unit perhaps.
-_COLUMN = re.compile(r"\w+\s*([\[(].*[\])])?")
+# The name of a column, with its unit perhaps; that of a table's numbers may be empty.
+_COLUMN = re.compile(r"(\w+\s*([\[(].*[\])])?)?")
 
 
 def read_tum(path: Path) -> Floats:
@@ -57,7 +57,7 @@ def read_tum(path: Path) -> Floats:
 def _words_in(text: str) -> list[str]:
     """Return what stands between the separators of a line."""
     separator = next((one for one in ";," if one in text), None)
-    return [word.strip() for word in text.split(separator)]
+    return [word.strip().strip('"') for word in text.split(separator)]
 
 
 def _columns_in(text: str, place: str) -> Columns | None:
