@@ -164,6 +164,19 @@ def test_the_kept_map_is_free_where_the_drawn_one_is(tmp_path: Path) -> None:
     assert kept.file.origin == drawn.file.origin
 
 
+def test_an_import_writes_over_nothing_that_it_read(tmp_path: Path) -> None:
+    words = draw(tmp_path, ring).read_text()
+    picture = (tmp_path / "drawn.png").rename(tmp_path / "hall.map.png")
+    before = picture.read_bytes()
+    for name in ("hall.yaml", "hall.map.yaml"):
+        (tmp_path / name).write_text(words.replace("drawn.png", "hall.map.png"))
+    with pytest.raises(TrackError, match=r"hall\.map\.png: the picture of the map, which would be"):
+        import_course(tmp_path / "hall.yaml", tmp_path / "hall.toml", title="Hall")
+    import_course(tmp_path / "hall.map.yaml", tmp_path / "hall.toml", title="Hall")
+    assert picture.read_bytes() == before
+    assert map_beside(tmp_path / "hall.toml") == tmp_path / "hall.map.yaml"
+
+
 def test_a_course_is_not_written_beside_the_map_of_another(tmp_path: Path) -> None:
     imported(tmp_path, ring)
     before = (tmp_path / "course.toml").read_bytes()

@@ -170,11 +170,24 @@ def _remark_on(points: Floats, corridor: Corridor | None) -> str:
 
 
 def _kept_map(occupancy: OccupancyMap, target: Path) -> dict[Path, bytes]:
-    """Return the files of a map, to be kept beside a course: what is free, and where it lies."""
+    """Return the files of a map, to be kept beside a course: what is free, and where it lies.
+
+    None where the map lies there already.
+
+    Raises:
+        TrackError: the picture of the map would be written over.
+    """
     from PIL import Image
 
     path = target.with_suffix(MAP_BESIDE)
+    if path.exists() and path.samefile(occupancy.file.path):
+        return {}
     image, picture = path.with_suffix(".png"), BytesIO()
+    if image.exists() and image.samefile(occupancy.file.image):
+        raise TrackError(
+            f"{image}: the picture of the map, which would be written over; write the course under "
+            "another name"
+        )
     Image.fromarray(np.where(occupancy.free[1:-1, 1:-1], 254, 0).astype(np.uint8)).save(
         picture, "PNG"
     )
