@@ -98,7 +98,7 @@ def test_a_row_that_makes_no_course_is_named_in_the_table(
     assert not (tmp_path / "circle.toml").exists()
 
 
-@pytest.mark.parametrize("name", ["caf\udce9", "clear\x1b[2J", "two\nlines"])
+@pytest.mark.parametrize("name", ["piste\udce9", "clear\x1b[2J", "two\nlines"])
 def test_a_table_may_have_any_name(name: str, tmp_path: Path) -> None:
     (tmp_path / f"{name}.csv").write_text(table())
     done = import_course(tmp_path / f"{name}.csv", tmp_path / "circle.toml", title=name)
@@ -109,7 +109,7 @@ def test_a_table_may_have_any_name(name: str, tmp_path: Path) -> None:
 def test_a_course_whose_name_is_not_utf_8_is_refused(tmp_path: Path) -> None:
     (tmp_path / "circle.csv").write_text(table())
     with pytest.raises(TrackError, match="a course has its file's name in UTF-8; rename it"):
-        import_course(tmp_path / "circle.csv", tmp_path / "caf\udce9.toml", title="Circle")
+        import_course(tmp_path / "circle.csv", tmp_path / "piste\udce9.toml", title="Circle")
 
 
 def test_a_long_name_is_cut_to_a_title(tmp_path: Path) -> None:
