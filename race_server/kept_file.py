@@ -33,9 +33,13 @@ def keep(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            write(file)
-        Path(file.name).replace(path)
+        handle, name = tempfile.mkstemp(dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                write(file)
+            Path(name).replace(path)
+        finally:  # on a full disk, or with Ctrl-C, half a file stays behind otherwise
+            Path(name).unlink(missing_ok=True)
 
 
 def free_aside(path: Path, word: str, suffix: str) -> Path:
@@ -87,7 +91,8 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     Raises:
         OSError: one cannot be written.
     """
-    aside = {path: path.with_name(f"{path.name}.part") for path in files}
+    # Another process may write the same files at the same time.
+    aside = {path: path.with_name(f"{path.name}.{os.getpid()}.part") for path in files}
     try:
         for path, data in files.items():
             with aside[path].open("wb") as file:

@@ -1,5 +1,6 @@
 """The one way to a file of a picture: text in it is data, neither mathematics nor control."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,10 @@ def save(figure: Any, path: Path, **options: Any) -> None:
         text.set_parse_math(False)
         text.set_text("\n".join(map(printable, text.get_text().split("\n"))))
     kind = path.suffix[1:].lower() or "png"
-    write_file(path, lambda file: figure.savefig(file, format=kind, **options))
+    with warnings.catch_warnings():
+        # A letter that the font lacks is a box in the picture: a title, or a name, in any script.
+        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)
+        write_file(path, lambda file: figure.savefig(file, format=kind, **options))
 
 
 def save_and_close(figure: Any, path: Path, **options: Any) -> None:

@@ -8,6 +8,7 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
 from race_server.errors import RecordingError, TrackError, brought_by
+from race_server.kept_file import check_place, write_together
 from race_server.terminal import say
 
 if TYPE_CHECKING:
@@ -37,12 +38,13 @@ def survey(
     The drive must come back to where it began, with walls in the lidar's reach on both sides.
     """
     from race_agents.planning.drive_survey import survey_drive
-    from race_server.kept_file import write_together
-    from race_server.scenario.track.importers import line_file
+    from race_server.scenario.track.importers import check_no_map, line_file
     from race_server.scenario.track.load import course_in
 
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
+    check_place(to)
+    check_no_map(to)
     log, vehicle = sensor_log(drive, seat)
     with progress(f"surveying {drive.name}", 100) as bar:
         found = survey_drive(log, vehicle, lambda share: bar(100.0 * share))

@@ -1,15 +1,27 @@
-"""What a check of a course or of a car park found, as lines or as a document."""
+"""What there is of courses or of car parks, and what a check of one found."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from race_server.cli.document import print_document
+from race_server.errors import TrackError
 from race_server.terminal import say
 
 if TYPE_CHECKING:
     from race_server.scenario.track.check import CourseIssue
+
+
+def rows_of(names: Iterable[str], row_of: Callable[[str], dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for each name; one whose file is not valid is told on stderr, and left out."""
+    rows = []
+    for name in names:
+        try:
+            rows.append(row_of(name))
+        except TrackError as error:
+            say(f"warning: {error}", error=True)
+    return rows
 
 
 def print_findings(

@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.findings import print_findings
+from race_server.cli.findings import print_findings, rows_of
 from race_server.cli.options import Picture, picture_of
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import LotError
@@ -35,7 +35,7 @@ def list_lots(as_json: AsJson = False) -> None:
     """List all car parks with size, slots, vehicle, blocks and people."""
     from race_server.scenario.lot.load import load_lot, lot_names, summary
 
-    rows = [summary(load_lot(name)) for name in lot_names()]
+    rows = rows_of(lot_names(), lambda name: summary(load_lot(name)))
     if as_json:
         print_document(rows)
         return

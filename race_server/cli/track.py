@@ -8,9 +8,10 @@ from rich.table import Table
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.drill_report import progress
-from race_server.cli.findings import print_findings
+from race_server.cli.findings import print_findings, rows_of
 from race_server.cli.options import Course, Picture, picture_of
 from race_server.errors import TrackError
+from race_server.kept_file import check_place
 from race_server.terminal import Console, say
 
 # The vehicle that a course is checked for, by its scale.
@@ -24,7 +25,7 @@ def list_tracks(as_json: AsJson = False) -> None:
     """List all courses with length, width, sectors, grid places and item boxes."""
     from race_server.scenario.track.load import load_course, summary, track_names
 
-    rows = [summary(load_course(name)) for name in track_names()]
+    rows = rows_of(track_names(), lambda name: summary(load_course(name)))
     if as_json:
         print_document(rows)
         return
@@ -127,6 +128,7 @@ def import_track(
 
     if to.suffix != ".toml":
         raise TrackError(f"{to}: write the course as .toml")
+    check_place(to)
     with progress(f"importing {source.name}", 100) as bar:
         done = import_course(
             source,
@@ -143,3 +145,5 @@ def import_track(
         say(f"scale {done.scale}: {why}; choose --scale {others[0]} if that is wrong")
     else:
         say(f"warning: --scale {done.scale} looks wrong: {why}", error=True)
+    if done.remark:
+        say(f"warning: {done.remark}", error=True)

@@ -63,7 +63,7 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     Raises:
         ScenarioError: the file cannot be read, or lacks the columns.
     """
-    text = read_text(path, MOST_BYTES, ScenarioError).removeprefix("\N{ZERO WIDTH NO-BREAK SPACE}")
+    text = read_text(path, MOST_BYTES, ScenarioError)
     try:
         table = csv.DictReader(io.StringIO(text), strict=True)
         columns = set(table.fieldnames or ())

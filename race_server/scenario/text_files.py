@@ -14,7 +14,7 @@ _POINT_OF_A_NUMBER = re.compile(r"\d\.\d")
 
 
 def read_text(path: Path, most_bytes: int, error: type[RaceError]) -> str:
-    """Return the text of a file.
+    """Return the text of a file, without the mark that some programs put before UTF-8.
 
     Raises:
         RaceError: an `error`; it cannot be read, is no file, is larger, or not UTF-8.
@@ -26,7 +26,7 @@ def read_text(path: Path, most_bytes: int, error: type[RaceError]) -> str:
             data = file.read(most_bytes + 1)
         if len(data) > most_bytes:
             raise error(f"{path}: larger than {most_bytes} bytes")
-        return data.decode()
+        return data.decode("utf-8-sig")
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:

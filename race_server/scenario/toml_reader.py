@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from race_server.errors import RaceError
 
 FARTHEST = 1e5  # [m] of any coordinate
+MOST_LETTERS = 64  # of a text
 
 
 @dataclass
@@ -61,8 +62,8 @@ class TomlReader:
     def text(self, key: str, default: str) -> str:
         """Take a text out."""
         value = self.take(key, default)
-        if not isinstance(value, str) or not 0 < len(value) <= 64:
-            raise self.wrong(key, value, "give a text of up to 64 characters")
+        if not isinstance(value, str) or not 0 < len(value) <= MOST_LETTERS:
+            raise self.wrong(key, value, f"give a text of up to {MOST_LETTERS} characters")
         return value
 
     def choice(self, key: str, choices: Iterable[str], default: str) -> str:
@@ -85,6 +86,13 @@ class TomlReader:
         if not is_number(value) or not low <= value <= high:
             raise self.wrong(key, value, f"give a number from {low:g} to {high:g}")
         return float(value)
+
+    def whole(self, key: str, default: int, low: int, high: int) -> int:
+        """Take a whole number out of a range; 12.0 is one, 12.5 is none."""
+        value = self.take(key, default)
+        if not is_number(value) or not low <= value <= high or value != int(value):
+            raise self.wrong(key, value, f"give a whole number from {low} to {high}")
+        return int(value)
 
     def pair(self, key: str) -> tuple[float, float] | None:
         """Take two numbers out, if they are there."""

@@ -2,12 +2,15 @@
 
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 import pytest
 from typer.testing import CliRunner
 
 from race_server.cli.main import app, main
+from race_server.kept_file import keep, write_together
 
 PICTURES = (
     "coach raceline --picture",
@@ -115,3 +118,24 @@ def test_a_recording_is_not_written_over_by_what_is_made_of_it(tmp_path: Path) -
     told = refused(f"demonstrate --recording {path} --out", path)
     assert told == f"--out {path}: is the recording, which would be lost; name another file"
     assert path.read_bytes() == b"a race"
+
+
+def test_files_that_another_process_writes_aside_are_left_to_it(tmp_path: Path) -> None:
+    others = tmp_path / "course.toml.part"
+    others.write_bytes(b"half of a")
+    write_together({tmp_path / "course.toml": b"whole"})
+    assert others.read_bytes() == b"half of a"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["course.toml", "course.toml.part"]
+
+
+@pytest.mark.parametrize("end", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_half_a_file_stays_nowhere_in_the_cache(end: BaseException, tmp_path: Path) -> None:
+    def write(file: IO[bytes]) -> None:
+        file.write(b"half")
+        raise end
+
+    with suppress(KeyboardInterrupt):
+        keep(tmp_path / "kept", write)
+    assert list(tmp_path.iterdir()) == []
+    keep(tmp_path / "kept", lambda file: file.write(b"whole"))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"whole"]

@@ -1,10 +1,14 @@
 """Tables of commands in terminals of any width."""
 
 import io
+import json
+from pathlib import Path
 
 import pytest
 from rich.table import Table
+from typer.testing import CliRunner
 
+from race_server.cli.main import app
 from race_server.scenario.track.load import track_names
 from race_server.terminal import Console
 
@@ -18,3 +22,16 @@ def test_no_name_and_no_figure_is_cut_off(width: int) -> None:
     Console(file=shown, width=width).print_whole(table)
     assert all(name in shown.getvalue() for name in track_names())
     assert shown.getvalue().count("2.73 ± 0.37") == len(track_names())
+
+
+@pytest.mark.parametrize(("kind", "known"), [("track", "oval"), ("lot", "yard-70")])
+def test_a_file_that_is_not_valid_hides_no_other_from_a_list(
+    kind: str, known: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.toml").write_text("title = 1")
+    monkeypatch.setenv(f"RACE_{kind.upper()}S", str(tmp_path))
+    result = CliRunner().invoke(app, [kind, "list", "--json"])
+    names = [row["name"] for row in json.loads(result.stdout)]
+    assert known in names
+    assert "mine" not in names
+    assert result.stderr.startswith("warning: mine.toml: ")

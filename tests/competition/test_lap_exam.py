@@ -29,7 +29,7 @@ from race_server.competition.time_trial.gaps import gaps_named
 from race_server.competition.time_trial.run import Run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import KART_60, TT02
-from race_server.errors import ScenarioError, TrackError
+from race_server.errors import RaceError, ScenarioError, TrackError
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.load import load_course
 
@@ -112,6 +112,18 @@ def test_a_folder_without_courses_is_refused_by_its_name(tmp_path: Path) -> None
         courses_in(tmp_path)
 
 
+def test_a_file_that_describes_no_course_is_told_before_anything_is_driven(
+    tmp_path: Path, driven: list[RunSpec]
+) -> None:
+    square, eight = "[0, 0], [9, 0], [9, 9], [0, 9]", "[0, 0], [9, 9], [9, 0], [0, 9]"
+    for name, points in ("a", square), ("b", eight):
+        words = f'form = "line"\nhalf_width = 1\npoints = [{points}]'
+        (tmp_path / f"{name}.toml").write_text(words)
+    with pytest.raises(TrackError, match=r"b\.toml: b: the line crosses itself"):
+        list(examine(LapExamSpec(courses_in(tmp_path)), ("raceline",)))
+    assert driven == []
+
+
 def test_a_course_that_was_driven_is_not_driven_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,6 +136,23 @@ def test_a_course_that_was_driven_is_not_driven_twice(
     assert both["raceline"] == first
     assert (first.clean, first.contacts) == (1, 0)
     assert 0.98 < first.ratios[0] < 1.05
+
+
+def test_a_course_is_driven_again_once_its_limit_can_be_solved(
+    driven: list[RunSpec], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing() -> None:
+        raise RaceError("the reference limit needs CasADi")
+
+    monkeypatch.setattr(lap_exam, "known_limit", lambda *_: None)
+    spec = LapExamSpec(("oval",), laps=1)
+    with monkeypatch.context() as without:
+        without.setattr(lap_exam, "load_casadi", missing)
+        list(examine(spec, ["raceline"]))
+    monkeypatch.setattr(lap_exam, "load_casadi", lambda: None)
+    for _ in range(2):  # no line fits, which the solver has found
+        list(examine(spec, ["raceline"]))
+    assert len(driven) == 2
 
 
 def test_a_driver_whose_policy_has_changed_is_driven_again(driven: list[RunSpec]) -> None:

@@ -157,6 +157,15 @@ def test_each_seed_puts_the_car_a_little_elsewhere_on_its_mark() -> None:
     assert len({round(shift, 9) for shift in aside}) == 20
 
 
+def test_a_course_without_a_place_to_start_from_is_told_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "thread.toml"
+    words = 'form = "line"\nhalf_width = 0.1\npoints = [[0, 0], [9, 0], [9, 9], [0, 9]]'
+    path.write_text(words)
+    run = drive_run(RunSpec("raceline", str(path)))
+    assert run.failed
+    assert run.remark.startswith("the start grid of thread has no place: the course is too narrow")
+
+
 def test_a_driver_that_raises_is_marked_and_keeps_what_it_drove() -> None:
     run = drive_faulty(raise_an_error)
     assert run.failed

@@ -1,6 +1,7 @@
 """Courses, maps and settings that would cost gigabytes or minutes."""
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 from race_server.errors import TrackError
 from race_server.scenario.text_files import parse_toml, read_text
+from race_server.scenario.track.cache import cached
+from race_server.scenario.track.course import Course
 from race_server.scenario.track.importers import import_course
 from race_server.scenario.track.load import read_course, spec_of
 from race_server.scenario.track.walls import fence_of, pack_walls
@@ -71,6 +74,35 @@ def test_a_map_that_is_too_large_is_refused(tmp_path: Path, image: bytes, messag
     (tmp_path / "map.yaml").write_text(YAML)
     with pytest.raises(TrackError, match=message):
         import_course(tmp_path / "map.yaml", tmp_path / "t.toml", scale="1/10", title="t")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[:200],
+        lambda data: data.replace(b"numpy._core", b"numpy._c\xffre"),
+        lambda data: data.replace(b"numpy._core", b"numpy._cote"),  # as of another version
+        lambda data: data.replace(b"half_widths", b"half_midths"),
+    ],
+)
+def test_a_course_is_built_again_where_its_cache_is_damaged(
+    damage: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RACE_SERVER_CACHE", str(tmp_path))
+    built: list[int] = []
+
+    def build() -> Course:
+        built.append(1)
+        return ring()
+
+    for _ in range(2):
+        cached("ring", build)
+    (kept,) = (tmp_path / "courses").iterdir()
+    assert len(built) == 1
+    assert damage(kept.read_bytes()) != kept.read_bytes()
+    kept.write_bytes(damage(kept.read_bytes()))
+    assert cached("ring", build).length == ring().length
+    assert len(built) == 2
 
 
 def test_a_pipe_is_no_file(tmp_path: Path) -> None:

@@ -100,6 +100,25 @@ def test_walls_drawn_as_lines_on_white_paper_make_the_same_course(tmp_path: Path
     assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
 
 
+def test_a_course_leads_around_its_infield_and_not_around_a_house_in_it(tmp_path: Path) -> None:
+    def is_free(x: Any, y: Any) -> Any:
+        is_wall = np.abs(np.abs(np.hypot(x, y) - 10.0) - 1.1) < 0.1
+        return ~is_wall & (np.maximum(np.abs(x), np.abs(y)) > 1.0)
+
+    course = imported(tmp_path, is_free).course
+    assert course.length == pytest.approx(20.0 * np.pi, rel=0.01)
+    assert course.width_mean == pytest.approx(2.0, abs=0.1)
+
+
+def test_an_import_says_that_a_map_has_more_loops_than_a_course(tmp_path: Path) -> None:
+    def eight(x: Any, y: Any) -> Any:
+        return np.abs(np.hypot(x, np.abs(y) - 5.0) - 5.0) < 1.0
+
+    assert imported(tmp_path, eight).remark.startswith("the map has 2 islands that may each")
+    assert imported(tmp_path, ring).remark == ""
+    assert imported(tmp_path, lambda x, y: ring(x, y) & (np.hypot(x - 10.0, y) > 0.5)).remark == ""
+
+
 def test_a_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match="no closed corridor"):
         imported(tmp_path, lambda x, y: ring(x, y) & (x < 6.0))
@@ -143,6 +162,31 @@ def test_the_kept_map_is_free_where_the_drawn_one_is(tmp_path: Path) -> None:
     kept, drawn = read_map(beside), read_map(tmp_path / "drawn.yaml")
     assert np.array_equal(kept.free, drawn.free)
     assert kept.file.origin == drawn.file.origin
+
+
+def test_an_import_writes_over_nothing_that_it_read(tmp_path: Path) -> None:
+    words = draw(tmp_path, ring).read_text()
+    picture = (tmp_path / "drawn.png").rename(tmp_path / "hall.map.png")
+    before = picture.read_bytes()
+    for name in ("hall.yaml", "hall.map.yaml"):
+        (tmp_path / name).write_text(words.replace("drawn.png", "hall.map.png"))
+    with pytest.raises(TrackError, match=r"hall\.map\.png: the picture of the map, which would be"):
+        import_course(tmp_path / "hall.yaml", tmp_path / "hall.toml", title="Hall")
+    import_course(tmp_path / "hall.map.yaml", tmp_path / "hall.toml", title="Hall")
+    assert picture.read_bytes() == before
+    assert map_beside(tmp_path / "hall.toml") == tmp_path / "hall.map.yaml"
+
+
+def test_a_course_is_not_written_beside_the_map_of_another(tmp_path: Path) -> None:
+    imported(tmp_path, ring)
+    before = (tmp_path / "course.toml").read_bytes()
+    (tmp_path / "square.csv").write_text("0,0,1,1\n9,0,1,1\n9,9,1,1\n0,9,1,1\n")
+    with pytest.raises(
+        TrackError, match=r"course\.map\.yaml: the map of another course, .* remove"
+    ):
+        import_course(tmp_path / "square.csv", tmp_path / "course.toml", title="Square")
+    assert (tmp_path / "course.toml").read_bytes() == before
+    imported(tmp_path, ring)  # another map takes its place
 
 
 def test_check_finds_samples_in_a_wall(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
 from race_server.scenario.places import own_folder
 from race_server.scenario.track.check import check_course
@@ -147,3 +148,44 @@ def test_a_point_with_a_half_width_that_no_course_has_is_refused(
     path.write_text(f'form = "spline"\npoints = [[0, 0, 1, 1], [9, 0, 1, {number}], [9, 9, 1, 1]]')
     with pytest.raises(TrackError, match=r"points\[2\] = .*: half-widths are above 0 and up to 10"):
         read_course(path)
+
+
+# Whole numbers
+
+
+@pytest.mark.parametrize("line", ["gates = 12.5", "sectors = 2.4", "grid_places = 1.5"])
+def test_a_number_of_things_is_whole(line: str, tmp_path: Path) -> None:
+    key, value = line.split(" = ")
+    with pytest.raises(
+        TrackError, match=rf"{key} = '{value}': give a whole number from \d+ to \d+$"
+    ):
+        errors_of(tmp_path, line)
+    assert errors_of(tmp_path, f"{key} = 12.0") == []
+
+
+# Stretches that merge
+
+
+@pytest.mark.parametrize(("half_width", "merges"), [(1.0, True), (0.7, False)])
+def test_stretches_that_overlap_have_no_border_between_them(
+    half_width: float, merges: bool, tmp_path: Path
+) -> None:
+    # A bone: between its lobes two straights along y = 0.75 m and y = -0.75 m.
+    t = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    rows = np.column_stack([12.0 * np.cos(t), np.sin(t) * (0.75 + 6.0 * np.cos(t) ** 8)])
+    path = tmp_path / "bone.toml"
+    path.write_text(f'form = "line"\nhalf_width = {half_width}\npoints = {rows.tolist()}')
+    told = [one for one in check_course(read_course(path), TT02) if "overlaps" in one.what]
+    assert [one.level for one in told] == ["warning"] * merges
+
+
+# Grid
+
+
+def test_a_kart_track_that_does_not_say_so_is_told_its_scale(tmp_path: Path) -> None:
+    words = (own_folder("tracks") / "hangar-400.toml").read_text()
+    (tmp_path / "mine.toml").write_text(words.replace('scale = "kart"\n', ""))
+    course = read_course(tmp_path / "mine.toml")
+    (error,) = [one.what for one in check_course(course, KART_60) if one.level == "error"]
+    assert error.startswith("two grid places are 0.")
+    assert error.endswith('give the course scale = "kart"')

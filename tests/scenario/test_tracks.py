@@ -3,6 +3,8 @@
 import contextlib
 import json
 import re
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,6 @@ from race_server.errors import ScenarioError, TrackError
 from race_server.scenario.track.blocks import Loop, lay
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.draw import draw_course
-from race_server.scenario.track.importers import import_course
 from race_server.scenario.track.load import load_course, read_course, spec_of, summary, track_names
 from race_server.scenario.track.polyline import area_of, crossings, lengths_of, nearest_on
 from support.courses import ring
@@ -143,7 +144,7 @@ def test_an_open_border_says_how_far_its_ends_are_apart(tmp_path: Path) -> None:
         ("4xS L 4xS", "4xQ L 4xS", "outer border, piece 1: '4xQ' is no block"),
         ("heading = 0.0", "heading = true", "outer.heading = 'True': give a number in degrees"),
         ('form = "blocks"', 'form = "bricks"', "form = 'bricks': choose one of blocks, line"),
-        ('title = "Square"', "gates = 2", "gates = '2': give a number from 3 to 200"),
+        ('title = "Square"', "gates = 2", "gates = '2': give a whole number from 3 to 200"),
         ('title = "Square"', "kerbs = 2", "kerbs = '2': no such key"),
         ('title = "Square"', 'title = "', "no TOML"),
         ("[inner]", "[insider]", "inner = 'None': give a table with start, heading and blocks"),
@@ -167,6 +168,25 @@ def test_a_course_with_a_bridge_is_refused_with_the_place(tmp_path: Path) -> Non
         TrackError, match=r"crosses itself at \(\d\d\.\d\d, \d\d\.\d\d\).* no bridges"
     ):
         load_course(str(tmp_path / "eight.toml"))
+
+
+def test_a_crossing_in_a_sample_of_the_line_is_one_too(tmp_path: Path) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
+    rows = np.column_stack([10.0 * np.sin(angles), 6.0 * np.sin(2.0 * angles)]).tolist()
+    path = tmp_path / "eight.toml"
+    path.write_text(f'form = "line"\nhalf_width = 1\npoints = {rows}')
+    with pytest.raises(TrackError, match=r"crosses itself at \(0\.0\d, -0\.0\d\), 33\.\d m and"):
+        read_course(path)
+
+
+def test_half_widths_that_fall_below_nothing_between_points_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "narrows.toml"
+    rows = "[[0, 0, 2, 2], [20, 0, 2, 2], [20, 10, 0.1, 2], [0, 10, 0.1, 2]]"
+    path.write_text(f'form = "spline"\npoints = {rows}')
+    with pytest.raises(
+        TrackError, match=r"a half-width of -0\.\d\d m on the left near .*; let the"
+    ):
+        read_course(path)
 
 
 def test_an_unknown_track_is_named_with_the_known_ones() -> None:
@@ -229,33 +249,17 @@ def test_a_course_is_drawn_as_png_or_svg(tmp_path: Path, suffix: str) -> None:
     assert path.stat().st_size > 10_000
 
 
+def test_a_title_in_any_script_is_drawn_without_a_word(tmp_path: Path) -> None:
+    course = replace(ring(), title="鈴鹿 🏎")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw_course(course, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
 def test_another_kind_of_picture_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"as \.png or \.svg"):
         draw_course(load_course("oval"), tmp_path / "oval.bmp")
-
-
-def tum_file(folder: Path) -> Path:
-    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
-    rows = [f"{50 * np.cos(a):.4f},{50 * np.sin(a):.4f},3.0,4.0" for a in angle]
-    path = folder / "circle.csv"
-    path.write_text("# x_m,y_m,w_tr_right_m,w_tr_left_m\n" + "\n".join(rows) + "\n")
-    return path
-
-
-def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
-    target = tmp_path / "circle.toml"
-    course = import_course(tum_file(tmp_path), target, title="Circle").course
-    assert course.length == pytest.approx(100.0 * np.pi, rel=0.001)
-    assert course.half_widths[0] == pytest.approx((4.0, 3.0))
-    assert load_course(str(target)).digest == course.digest
-
-
-def test_a_tum_csv_with_words_names_the_line(tmp_path: Path) -> None:
-    path = tum_file(tmp_path)
-    path.write_text(path.read_text() + "one,two,three,four\n")
-    with pytest.raises(TrackError, match=r"circle\.csv, line 62: 'one,two,three,four' holds no"):
-        import_course(path, tmp_path / "c.toml", scale="kart", title="c")
-    assert not (tmp_path / "c.toml").exists()
 
 
 def test_a_loop_laid_to_the_left_of_its_line_is_smaller() -> None:

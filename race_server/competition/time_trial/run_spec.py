@@ -148,7 +148,15 @@ def world_seed(seed: int) -> int:
 
 
 def on_the_mark(course: Course, vehicle: Vehicle, seed: int) -> Floats:
-    """Return the start grid with a random error of the pole position, shape (S, 3)."""
+    """Return the start grid with a random error of the pole position, shape (S, 3).
+
+    Raises:
+        ScenarioError: the course has no place to start from.
+    """
+    if not len(course.grid):
+        raise ScenarioError(
+            f"the start grid of {course.name} has no place: the course is too narrow, or too short"
+        )
     chance = np.random.default_rng(seed)
     aside = MARK_SHARE * vehicle.width * chance.uniform(-1.0, 1.0)
     grid = course.grid.copy()

@@ -221,7 +221,7 @@ def _people(reader: TomlReader) -> People:
     if not 0.0 < slowest <= fastest <= 10.0:
         raise reader.wrong("speed", [slowest, fastest], "give slowest and fastest, up to 10 m/s")
     people = People(
-        round(reader.number("count", 0, 0, MOST_PEOPLE)),
+        reader.whole("count", 0, 0, MOST_PEOPLE),
         (slowest, fastest),
         reader.number("radius", 0.3, 0.05, 1.0),
         reader.number("stops", 0.5, 0.0, 1.0),

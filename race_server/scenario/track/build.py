@@ -32,6 +32,9 @@ LINE_SMOOTHING = 0.13
 WIDTH_SMOOTHING = 0.24
 MEDIAL_SPACING = 0.05  # [m]
 
+# Share of a step by which the samples are moved to look for crossings in them: no simple fraction.
+ASIDE = 0.382
+
 GATES = 12  # on a lap, unless the file says otherwise
 SECTORS = 3
 
@@ -103,6 +106,7 @@ def build(plan: TrackSpec) -> Course:
     line, half_widths = _line(raw, scale.spacing, drawn)
     heading, curvature = derivatives(line)
     if plan.form != "blocks":
+        _check_half_widths(plan.name, line, half_widths)
         borders = _borders_beside(plan, line, heading, half_widths)
         widths = half_widths.sum(axis=1)
     spacing = float(lengths_of(line).sum()) / len(line)
@@ -245,9 +249,29 @@ def _line(
     return line, rows[:, 2:] if borders is None else _reach_across(*borders, line)
 
 
+def _check_half_widths(name: str, line: Floats, half_widths: Floats) -> None:
+    """Check that a line lies between its borders between its points, too.
+
+    Raises:
+        TrackError: it does not.
+    """
+    narrow, side = np.unravel_index(np.argmin(half_widths), half_widths.shape)
+    if half_widths[narrow, side] <= 0.0:
+        x, y = line[narrow]
+        raise TrackError(
+            f"{name}: the spline through the points falls to a half-width of "
+            f"{half_widths[narrow, side]:.2f} m on the {('left', 'right')[side]} near "
+            f"({x:.2f}, {y:.2f}); let the width change over more points"
+        )
+
+
 def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths: Floats) -> Floats:
     beyond = plan.kerb + plan.grass
-    if len(pairs := crossings(segments_of(line))):
+    pairs = crossings(segments_of(line))
+    if not len(pairs):
+        # Where a sample lies in the crossing itself, the steps beside it only touch there.
+        pairs = crossings(segments_of(line + ASIDE * (np.roll(line, -1, axis=0) - line)))
+    if len(pairs):
         spacing = float(np.hypot(*(line[1] - line[0])))
         (x, y), (first, second) = line[pairs[0, 0]], pairs[0] * spacing
         raise TrackError(

@@ -23,6 +23,9 @@ ROOM = 0.53
 # By so much a border may lie inside a wall of the map: pixels, and share of the half-width. Beside
 # the tip of a wall the width jumps: the widest place within this share of the width counts.
 PIXELS_INSIDE, SHARE_INSIDE, NEARBY = 2.0, 0.05, 0.15
+# Two stretches merge where the edge of one is nearer to the line of the other than this share of
+# its half-width. Edges are compared at steps of this share of the mean width.
+MERGE_SHARE, MERGE_STEP = 0.8, 0.1
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ def check_course(
         *_narrow_places(course, vehicle),
         *_blocked_places(course, vehicle),
         *_tight_bends(course, vehicle),
+        *_merging_stretches(course),
         *_start_grid(course, vehicle),
         *_outside_borders(course),
     ]
@@ -174,6 +178,36 @@ def _tight_bends(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     return []
 
 
+def _merging_stretches(course: Course) -> list[CourseIssue]:
+    """Return the first edge of the asphalt that lies well inside that of another stretch.
+
+    No border stands there: borders end where two of them would cross.
+    """
+    step = max(round(MERGE_STEP * course.width_mean / course.spacing), 1)
+    line, widths = course.line[::step], course.half_widths[::step]
+    cos, sin = np.cos(line[:, 2]), np.sin(line[:, 2])
+    numbers = np.arange(len(line))
+    for side, edge in enumerate(course.edges()):
+        for n, (x, y) in enumerate(edge[::step]):
+            dx, dy = x - line[:, 0], y - line[:, 1]
+            ahead = np.abs(numbers - n)
+            # Inside a tight bend an edge folds over that of the same bend.
+            along = np.minimum(ahead, len(line) - ahead) * step * course.spacing
+            width = np.where(cos * dy - sin * dx > 0.0, widths[:, 0], widths[:, 1])
+            within = (np.hypot(dx, dy) < MERGE_SHARE * width) & (along > np.pi * widths[n, side])
+            if within.any():
+                other = int(np.argmax(within))
+                return [
+                    CourseIssue(
+                        "warning",
+                        f"the asphalt of the stretches at ({line[n, 0]:.2f}, {line[n, 1]:.2f}) and "
+                        f"({line[other, 0]:.2f}, {line[other, 1]:.2f}) overlaps, and no border "
+                        "stands between them: make them narrower, or move them apart",
+                    )
+                ]
+    return []
+
+
 def _start_grid(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     if not len(course.grid):
         return [CourseIssue("error", "no place for a start grid")]
@@ -184,7 +218,9 @@ def _start_grid(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
         found.append(CourseIssue("error", f"{tight} grid places are too near to a border"))
     steps = np.hypot(*(course.grid[1:, :2] - course.grid[:-1, :2]).T)
     if len(steps) and steps.min() < vehicle.width:
-        found.append(CourseIssue("error", "two grid places overlap"))
+        what = f"two grid places are {steps.min():.2f} m apart, and {vehicle.name} is"
+        way_out = "lower grid_places" if vehicle.is_model_car else 'give the course scale = "kart"'
+        found.append(CourseIssue("error", f"{what} {vehicle.width:.2f} m wide: {way_out}"))
     return found
 
 

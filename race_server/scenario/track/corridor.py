@@ -20,6 +20,8 @@ MOST_EDGES = 1 << 17  # of pixels, between the corridor and its walls
 # What is less than this share of the free pixels is no corridor, and an island less than this
 # share of the corridor's extent is not what it leads around.
 LEAST_SHARE, LEAST_ISLAND = 0.01, 0.05
+# An island from this share of the extent of that one may be the middle of another loop.
+LOOP_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,9 @@ class Corridor:
 
 
 def find_corridor(occupancy: OccupancyMap) -> Corridor:
-    """Return the largest free part with an island in it, first of those within the picture.
+    """Return the free part that leads around the largest island, first of those within the picture.
+
+    A part that surrounds less is a field beside a course, with a house or a name in it.
 
     Raises:
         TrackError: there is none.
@@ -41,28 +45,46 @@ def find_corridor(occupancy: OccupancyMap) -> Corridor:
     name = occupancy.file.path
     parts = parts_of(occupancy.free, name)
     if not parts.sizes.any():
-        raise TrackError(f"{name}: the map has no free pixel")
+        raise TrackError(
+            f"{name}: the map has no free pixel; free is what is opaque and light, or dark with "
+            "negate: 1"
+        )
     touching = np.unique(np.concatenate([parts.of[1, :], parts.of[-2, :], *parts.of[:, [1, -2]].T]))
     large = np.flatnonzero(parts.sizes >= LEAST_SHARE * parts.sizes.sum())
-    order = sorted(large, key=lambda part: (part in touching, -int(parts.sizes[part])))
-    for part in order:
-        free = np.asarray(parts.of == part)
-        walls = parts_of(~free, name, diagonal=True)
-        outside = int(walls.of[0, 0])
-        island = _largest_island(walls, outside, free)
-        if island >= 0:
-            return Corridor(free, walls, outside, island)
+    extents = {part: _extent(parts.of == part) for part in large}
+    best: Corridor | None = None
+    largest = 0.0
+    for group in (np.setdiff1d(large, touching), np.intersect1d(large, touching)):
+        # No island is larger than what surrounds it.
+        for part in sorted(group, key=lambda part: -extents[part]):
+            if best is None or extents[part] > largest:
+                free = np.asarray(parts.of == part)
+                walls = parts_of(~free, name, diagonal=True)
+                outside = int(walls.of[0, 0])
+                island, extent = _largest_island(walls, outside)
+                if extent > max(largest, LEAST_ISLAND * extents[part]):
+                    best, largest = Corridor(free, walls, outside, island), extent
+        if best is not None:
+            return best
     raise TrackError(f"{name}: the free space has no island in it: no closed corridor")
 
 
-def _largest_island(walls: Parts, outside: int, free: Mask) -> int:
-    """Return the number of the largest island, or -1 if there is none of any extent."""
+def _largest_island(walls: Parts, outside: int) -> tuple[int, float]:
+    """Return the number of the largest island and its extent, which is zero if there is none."""
     sizes = walls.sizes.copy()
     sizes[outside] = 0
     island = int(np.argmax(sizes))
-    if not sizes[island] or _extent(walls.of == island) < LEAST_ISLAND * _extent(free):
-        return -1
-    return island
+    return island, _extent(walls.of == island) if sizes[island] else 0.0
+
+
+def other_loops(corridor: Corridor) -> int:
+    """Return how many islands in a corridor are not much smaller than the one that it surrounds."""
+    walls = corridor.walls
+    least = LOOP_SHARE * _extent(walls.of == corridor.island)
+    # The thinnest wall that is this long has this number of pixels, or more.
+    large = np.flatnonzero(walls.sizes >= np.sqrt(0.5) * least).tolist()
+    others = set(large) - {corridor.outside, corridor.island}
+    return sum(_extent(walls.of == part) >= least for part in others)
 
 
 def _extent(mask: Mask) -> float:

@@ -44,10 +44,18 @@ def draw_on(axes: Any, course: Course) -> None:
 
 
 def _ribbon(axes: Any, left: Floats, right: Floats, colour: str) -> None:
-    for first in range(len(left)):
-        after = (first + 1) % len(left)
-        corners = np.array([left[first], left[after], right[after], right[first]])
-        axes.fill(*corners.T, facecolor=colour, edgecolor=colour, linewidth=0.6, zorder=1.5)
+    from matplotlib.collections import PolyCollection
+
+    corners = [left, np.roll(left, -1, axis=0), np.roll(right, -1, axis=0), right]
+    axes.add_collection(
+        PolyCollection(
+            list(np.stack(corners, axis=1)),
+            facecolors=colour,
+            edgecolors=colour,
+            linewidths=0.6,
+            zorder=1.5,
+        )
+    )
 
 
 def _fill_between_borders(axes: Any, course: Course, colour: str) -> None:
@@ -70,14 +78,25 @@ def _loops(borders: Floats) -> list[Floats]:
 
 
 def _draw_borders(axes: Any, course: Course) -> None:
+    from matplotlib.collections import LineCollection
+
     heading = course.line[:, 2]
+    colours = []
     for x0, y0, x1, y1 in course.borders:
         middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
         index = int(np.argmin(np.hypot(*(course.line[:, :2] - middle).T)))
         dx, dy = middle - course.line[index, :2]
         on_left = dy * np.cos(heading[index]) - dx * np.sin(heading[index]) > 0.0
-        colour = _LEFT if on_left else _RIGHT
-        axes.plot([x0, x1], [y0, y1], color=colour, linewidth=1.8, zorder=3, solid_capstyle="round")
+        colours.append(_LEFT if on_left else _RIGHT)
+    axes.add_collection(
+        LineCollection(
+            list(course.borders.reshape(-1, 2, 2)),
+            colors=colours,
+            linewidths=1.8,
+            zorder=3,
+            capstyle="round",
+        )
+    )
 
 
 def _draw_gates(axes: Any, course: Course) -> None:

@@ -9,18 +9,24 @@ import numpy as np
 
 from race_server.errors import TrackError
 from race_server.kept_file import write_together
+from race_server.printable import printable
+from race_server.scenario.toml_reader import MOST_LETTERS
 from race_server.scenario.track.build import SCALES, scale_for
+from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
 from race_server.scenario.track.load import course_in
 from race_server.scenario.track.occupancy_map import OccupancyMap, read_map
+from race_server.scenario.track.polyline import lengths_of
 from race_server.scenario.track.ros_map import points_in
 from race_server.scenario.track.tum import read_tum
 
 MAPS = (".yaml", ".yml")
 # Ends the name of a map that is kept beside a course: `ring.map.yaml` beside `ring.toml`.
 MAP_BESIDE = ".map.yaml"
+# A table is open where its last point is more than this number of the longest steps from the first.
+OPEN = 3.0
 # Takes the share of the work that is done.
 Report = Callable[[float], None]
 
@@ -32,6 +38,7 @@ class Imported:
     course: Course
     scale: str
     likely_scale: str  # of a course of this width
+    remark: str = ""  # on what may be wrong with it
 
 
 def import_course(
@@ -48,10 +55,13 @@ def import_course(
     width speaks for.
 
     Raises:
-        TrackError: the source is neither, or holds no course; no file is written then.
+        TrackError: the source is neither, or holds no course, or another map lies beside the file;
+            no file is written then.
     """
     if scale and scale not in SCALES:
         raise TrackError(f"scale {scale!r} is unknown; choose one of {', '.join(SCALES)}")
+    if source.suffix.lower() not in MAPS:
+        check_no_map(target)
     if str(source).startswith(HIGHWAY):
         return _import_highway(str(source), target, scale)
     if source.suffix.lower() not in {".csv", *MAPS}:
@@ -61,7 +71,8 @@ def import_course(
     report(0.0)
     occupancy = read_map(source) if source.suffix.lower() in MAPS else None
     report(0.1)
-    points = points_in(occupancy) if occupancy else read_tum(source)
+    corridor = find_corridor(occupancy) if occupancy else None
+    points = points_in(occupancy, corridor) if occupancy and corridor else read_tum(source)
     report(0.3)
     likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
     words = line_file(points, f"Imported from {source.name}", scale or likely, title).encode()
@@ -74,7 +85,7 @@ def import_course(
     files[target] = words
     _write(files, target)
     report(1.0)
-    return Imported(course, scale or likely, likely)
+    return Imported(course, scale or likely, likely, _remark_on(points, corridor))
 
 
 def _import_highway(name: str, target: Path, scale: str) -> Imported:
@@ -98,17 +109,31 @@ def line_file(points: Floats, origin: str, scale: str, title: str) -> str:
 
     points: (N, 4) x, y, half-width left, half-width right [m]; origin: words on its first line.
     """
+    origin = printable(" ".join(origin.split()))
     clean = "".join(letter for letter in title if letter.isprintable() and letter not in '"\\')
     rows = [f"    [{x:.4f}, {y:.4f}, {left:.4f}, {right:.4f}]," for x, y, left, right in points]
     head = [
-        f"# {' '.join(origin.split())}. Points: x, y, half-width left, half-width right [m].",
+        f"# {origin}. Points: x, y, half-width left, half-width right [m].",
         "",
-        f'title = "{clean[:64] or "Imported"}"',
+        f'title = "{clean[:MOST_LETTERS] or "Imported"}"',
         'form = "line"',
         f'scale = "{scale}"',
         "points = [",
     ]
     return "\n".join([*head, *rows, "]", ""])
+
+
+def check_no_map(target: Path) -> None:
+    """Check that no map lies beside a course file that is to be made of something else.
+
+    Raises:
+        TrackError: there is one, with which the course would be compared.
+    """
+    if (beside := map_beside(target)) is not None:
+        raise TrackError(
+            f"{beside}: the map of another course, with which {target.name} would be compared; "
+            "remove it, or write the course under another name"
+        )
 
 
 def _check_line(course: Course, occupancy: OccupancyMap) -> None:
@@ -126,12 +151,43 @@ def _check_line(course: Course, occupancy: OccupancyMap) -> None:
         )
 
 
+def _remark_on(points: Floats, corridor: Corridor | None) -> str:
+    """Return a sentence on loops that the course leaves out, or on a gap in it, "" for neither."""
+    if corridor is None:
+        *steps, last = lengths_of(points[:, :2]).tolist()
+        if last <= OPEN * max(steps):
+            return ""
+        return (
+            f"the last point is {last:.2f} m from the first, and others are {max(steps):.2f} m "
+            "apart at most: the course closes across that gap, where it may not lead"
+        )
+    if not (count := other_loops(corridor)):
+        return ""
+    return (
+        f"the map has {count + 1} islands that may each be the middle of a loop; the course leads "
+        "around the largest, and past the others: draw shut what is not part of it"
+    )
+
+
 def _kept_map(occupancy: OccupancyMap, target: Path) -> dict[Path, bytes]:
-    """Return the files of a map, to be kept beside a course: what is free, and where it lies."""
+    """Return the files of a map, to be kept beside a course: what is free, and where it lies.
+
+    None where the map lies there already.
+
+    Raises:
+        TrackError: the picture of the map would be written over.
+    """
     from PIL import Image
 
     path = target.with_suffix(MAP_BESIDE)
+    if path.exists() and path.samefile(occupancy.file.path):
+        return {}
     image, picture = path.with_suffix(".png"), BytesIO()
+    if image.exists() and image.samefile(occupancy.file.image):
+        raise TrackError(
+            f"{image}: the picture of the map, which would be written over; write the course under "
+            "another name"
+        )
     Image.fromarray(np.where(occupancy.free[1:-1, 1:-1], 254, 0).astype(np.uint8)).save(
         picture, "PNG"
     )

@@ -12,7 +12,7 @@ import numpy as np
 from race_server.errors import TrackError
 from race_server.scenario.places import names_of, own_folder, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
-from race_server.scenario.toml_reader import TomlReader, is_number
+from race_server.scenario.toml_reader import MOST_LETTERS, TomlReader, is_number
 from race_server.scenario.track.blocks import Loop
 from race_server.scenario.track.build import GATES, SCALES, SECTORS, TrackSpec, build
 from race_server.scenario.track.cache import cached
@@ -132,20 +132,20 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     form = reader.choice("form", FORMS, "")
     plan = TrackSpec(
         name=name,
-        title=reader.text("title", name),
+        title=reader.text("title", name[:MOST_LETTERS]),
         form=form,
         scale=reader.choice("scale", tuple(SCALES), "1/10"),
-        digest=hashlib.sha256(name.encode() + data).hexdigest()[:16],
+        digest=hashlib.sha256(_name_of(name, file) + data).hexdigest()[:16],
         outer=reader.loop("outer") if form == "blocks" else None,
         inner=reader.loop("inner") if form == "blocks" else None,
         points=reader.points() if form != "blocks" else np.zeros((0, 4)),
         reverse=reader.yes("reverse"),
         kerb=reader.number("kerb", 0.0, 0.0, 10.0),
         grass=reader.number("grass", 0.0, 0.0, 100.0),
-        gates=round(reader.number("gates", GATES, 3, MOST_GATES)),
-        sectors=round(reader.number("sectors", SECTORS, 1, 20)),
+        gates=reader.whole("gates", GATES, 3, MOST_GATES),
+        sectors=reader.whole("sectors", SECTORS, 1, 20),
         line_at=reader.pair("line_at"),
-        places=round(reader.number("grid_places", MOST_PLACES, 1, MOST_PLACES)),
+        places=reader.whole("grid_places", MOST_PLACES, 1, MOST_PLACES),
         items=reader.items(),
         obstacles=tuple(reader.obstacles()),
         starts=reader.rows("starts", 6, np.zeros((0, 6))),
@@ -155,6 +155,13 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     if plan.gates < plan.sectors:
         raise TrackError(f"{file}: gates = {plan.gates} is less than sectors = {plan.sectors}")
     return plan
+
+
+def _name_of(name: str, file: str) -> bytes:
+    try:
+        return name.encode()
+    except UnicodeEncodeError as error:  # half of a surrogate pair stands for a byte of another
+        raise TrackError(f"{file}: a course has its file's name in UTF-8; rename it") from error
 
 
 class _TrackReader(TomlReader):

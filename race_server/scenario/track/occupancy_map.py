@@ -1,6 +1,7 @@
 """Occupancy maps of ROS map_server: a picture and a YAML file beside it."""
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +17,13 @@ from race_server.scenario.track.pixel_parts import Mask
 
 # Pictures that map_server writes, and that people convert them to.
 FORMATS = ("PPM", "PNG", "BMP")
+# What the picture says: shades from free to occupied in the first two, and the numbers of an
+# occupancy grid in the last: 0 to MOST_RAW, above it unknown.
+MODES, RAW, MOST_RAW = ("trinary", "scale", "raw"), "raw", 100
+TRUE, FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
 MOST_YAML = 1 << 16  # bytes
 MOST_PIXELS = 1 << 24
+OPAQUE = 128  # of 255; a pixel through which more is seen is not free
 RAY_STEP = 0.25  # pixels from one point of a ray to the next
 
 
@@ -31,6 +37,7 @@ class MapFile:
     origin: tuple[float, float, float]  # pose of the lower left pixel
     negate: bool
     free_below: float  # occupancy under which a pixel is free
+    mode: str = MODES[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,32 +99,70 @@ def read_map_file(path: Path) -> MapFile:
     Raises:
         TrackError: it cannot be read, or a key is missing or wrong.
     """
-    words = {}
-    for line in read_text(path, MOST_YAML, TrackError).splitlines():
-        key, colon, value = line.split("#", 1)[0].partition(":")
-        if colon:
-            words[key.strip()] = value.strip().strip("'\"")
+    words = _values_in(read_text(path, MOST_YAML, TrackError))
+    for key in ("image", "resolution", "origin"):
+        if key not in words:
+            raise TrackError(f"{path}: the key {key} is missing")
+
+    def wrong(key: str, way_out: str) -> TrackError:
+        return TrackError(f"{path}: {key} = {words[key][:60]}: {way_out}")
+
+    resolution = _numbers_in(words["resolution"])
+    if len(resolution) != 1 or not 0.0 < resolution[0] <= 10.0:
+        raise wrong("resolution", "give metres per pixel, up to 10")
+    origin = _numbers_in(words["origin"].strip("[]"))
+    if len(origin) != 3 or not np.isfinite(origin).all():
+        raise wrong("origin", "give three finite numbers [x, y, angle]")
+    if abs(origin[2]) > 2.0 * math.pi:
+        raise wrong("origin", "the angle is in radians, up to one turn")
+    negate = words.setdefault("negate", "0").lower()
+    if negate not in TRUE + FALSE:
+        raise wrong("negate", "give 0 or 1")
+    free = _numbers_in(words.setdefault("free_thresh", "0.196"))
+    if len(free) != 1 or not 0.0 < free[0] <= 1.0:
+        raise wrong("free_thresh", "give a share above 0, up to 1")
+    if words.setdefault("mode", MODES[0]) not in MODES:
+        raise wrong("mode", f"choose one of {', '.join(MODES)}")
+    return MapFile(
+        path=path,
+        image=path.parent / words["image"],
+        resolution=resolution[0],
+        origin=(origin[0], origin[1], origin[2]),
+        negate=negate in TRUE,
+        free_below=free[0],
+        mode=words["mode"],
+    )
+
+
+def _values_in(text: str) -> dict[str, str]:
+    """Return the values of a map's YAML by their keys; of a list what stands between commas."""
+    words: dict[str, str] = {}
+    last = ""
+    for line in text.splitlines():
+        if last and line.strip().startswith("- "):
+            words[last] += ", " * bool(words[last]) + _value_in(line.strip()[1:])
+            continue
+        key, colon, value = line.partition(":")
+        if colon and not key.lstrip().startswith("#"):
+            last = key.strip()
+            words[last] = _value_in(value)
+    return words
+
+
+def _value_in(text: str) -> str:
+    """Return what is in quotes at the start of a text, or what stands before a comment."""
+    text = text.strip()
+    if text[:1] in {"'", '"'} and (end := text.find(text[0], 1)) > 0:
+        return text[1:end]
+    return re.split(r"(?:^|\s)#", text, maxsplit=1)[0].strip()
+
+
+def _numbers_in(text: str) -> list[float]:
+    """Return the numbers between commas; an empty list if there is anything else."""
     try:
-        origin = [float(word) for word in words["origin"].strip("[]").split(",")]
-        map_file = MapFile(
-            path=path,
-            image=path.parent / words["image"],
-            resolution=float(words["resolution"]),
-            origin=(origin[0], origin[1], origin[2]),
-            negate=words.get("negate", "0") not in {"0", "false", "False"},
-            free_below=float(words.get("free_thresh", "0.196")),
-        )
-    except KeyError as error:
-        raise TrackError(f"{path}: the key {error.args[0]} is missing") from error
-    except (ValueError, IndexError) as error:
-        raise TrackError(f"{path}: {error}") from error
-    if not 0.0 < map_file.resolution <= 10.0:
-        raise TrackError(
-            f"{path}: resolution = {map_file.resolution}: give metres per pixel, up to 10"
-        )
-    if not np.isfinite(origin[:3]).all():
-        raise TrackError(f"{path}: origin = {words['origin']}: give finite numbers")
-    return map_file
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        return []
 
 
 def read_map(path: Path) -> OccupancyMap:
@@ -127,15 +172,20 @@ def read_map(path: Path) -> OccupancyMap:
         TrackError: the file or its picture cannot be read.
     """
     map_file = read_map_file(path)
-    levels = np.arange(256) / 255.0
-    occupied = levels if map_file.negate else 1.0 - levels
-    free: Mask = np.pad((occupied < map_file.free_below)[_grey(map_file.image)], 1)
+    grey, opaque = _grey(map_file.image)
+    if map_file.mode == RAW:
+        levels = np.arange(256.0)
+        occupied = np.where(levels <= MOST_RAW, levels / MOST_RAW, np.inf)
+    else:
+        levels = np.arange(256) / 255.0
+        occupied = levels if map_file.negate else 1.0 - levels
+    free: Mask = np.pad((occupied < map_file.free_below)[grey] & opaque, 1)
     return OccupancyMap(map_file, free)
 
 
-def _grey(path: Path) -> NDArray[Any]:
-    """Return the grey levels of a picture, shape (rows, columns), 0 to 255."""
-    from PIL import Image
+def _grey(path: Path) -> tuple[NDArray[np.uint8], Mask]:
+    """Return the grey levels of a picture and what of it is opaque, shape (rows, columns) each."""
+    from PIL import Image, UnidentifiedImageError
 
     try:
         # A picture of more pixels than are read is refused below, or by Pillow, before it is read.
@@ -144,12 +194,26 @@ def _grey(path: Path) -> NDArray[Any]:
             picture = Image.open(path, formats=FORMATS)
         with picture:
             is_larger = picture.width * picture.height > MOST_PIXELS
-            grey = np.zeros(0) if is_larger else np.asarray(picture.convert("L"))
+            if not is_larger:
+                return _levels_of(picture)
     except Image.DecompressionBombError:
         is_larger = True
+    except UnidentifiedImageError as error:
+        raise TrackError(f"{path}: no picture that can be read; give a PGM, PNG or BMP") from error
     # Whatever damage makes the readers of pictures trip over.
     except Exception as error:
         raise TrackError(f"{path}: no picture that can be read: {str(error)[:200]}") from error
-    if is_larger:
-        raise TrackError(f"{path}: larger than {MOST_PIXELS} pixels")
-    return grey
+    raise TrackError(f"{path}: larger than {MOST_PIXELS} pixels; make it coarser")
+
+
+def _levels_of(picture: Any) -> tuple[NDArray[np.uint8], Mask]:
+    """Return the mean of the colours of a picture, as map_server takes it, and what is opaque."""
+    if picture.mode.startswith("I"):  # 16 bits
+        grey = (np.asarray(picture).astype(np.int64) + 128) // 257
+    elif picture.mode in {"1", "L"} and "transparency" not in picture.info:
+        grey = np.asarray(picture.convert("L"))
+    else:
+        colours = np.asarray(picture.convert("RGBA"))
+        grey = (colours[..., :3].sum(axis=2, dtype=np.uint16) + 1) // 3
+        return grey.astype(np.uint8), colours[..., 3] >= OPAQUE
+    return grey.astype(np.uint8), np.ones(grey.shape, np.bool_)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from race_server.scenario.track.corridor import find_corridor, middle_of
+from race_server.scenario.track.corridor import Corridor, middle_of
 from race_server.scenario.track.course import Floats
 from race_server.scenario.track.occupancy_map import OccupancyMap
 from race_server.scenario.track.polyline import (
@@ -23,13 +23,13 @@ MOST_MOVE = 0.5
 ALCOVE = 1.5
 
 
-def points_in(occupancy: OccupancyMap) -> Floats:
+def points_in(occupancy: OccupancyMap, corridor: Corridor) -> Floats:
     """Return points of a centre line with half-widths, shape (N, 4): x, y, left, right [m].
 
     Raises:
-        TrackError: the map has no closed corridor in it.
+        TrackError: the walls of the map have too many edges.
     """
-    middle, clear = middle_of(find_corridor(occupancy), occupancy.file.path)
+    middle, clear = middle_of(corridor, occupancy.file.path)
     middle = occupancy.points_of(middle)
     clear *= occupancy.file.resolution
     line, clear = _smoothed(middle, clear, occupancy.file.resolution)

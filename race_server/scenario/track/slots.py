@@ -24,7 +24,7 @@ def slots_in(reader: TomlReader, key: str) -> Floats:
         towards, heading = (math.radians(row.number(name, 0.0, -360.0, 360.0)) for name in _TURNS)
         length, width = row.number("length", 5.0, 0.5, 50.0), row.number("width", 2.5, 0.3, 20.0)
         pitch = row.number("pitch", width, 0.3, 60.0)
-        for number in range(round(row.number("count", 1, 1, MOST_SLOTS))):
+        for number in range(row.whole("count", 1, 1, MOST_SLOTS)):
             at_x = x + number * pitch * math.cos(towards)
             at_y = y + number * pitch * math.sin(towards)
             slots.append((at_x, at_y, heading, length, width))

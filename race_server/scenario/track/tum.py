@@ -1,44 +1,128 @@
 """Courses of the TUM racetrack database and of the f1tenth maps: CSV of a centre line.
 
-Lines of ``x_m, y_m, w_tr_right_m, w_tr_left_m``, the first point not repeated.
+Lines of ``x_m, y_m, w_tr_right_m, w_tr_left_m``. A comment, or the first line, may name the columns
+in another order, and add some. Between numbers stand commas, semicolons or spaces; beside
+semicolons a comma is a decimal point.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from race_server.errors import TrackError
 from race_server.scenario.text_files import read_text
+from race_server.scenario.toml_reader import FARTHEST
 from race_server.scenario.track.course import Floats
-from race_server.scenario.track.limits import MOST_POINTS, check_count
+from race_server.scenario.track.limits import MOST_HALF_WIDTH, MOST_POINTS, check_count
+from race_server.scenario.track.polyline import lengths_of
 
 # Of the largest course, with more columns than are read.
 MOST_BYTES = 256 * MOST_POINTS
+# Points nearer to each other than this share of the median step, or this [m], are the same: a line
+# through both would turn on the spot.
+SAME_SHARE, SAME = 0.05, 2e-4
+# Where x, y, width right and width left stand in a row.
+Columns = tuple[int, int, int, int]
+USUAL: Columns = (0, 1, 2, 3)
+# The name of a column, with its unit perhaps; that of a table's numbers may be empty.
+_COLUMN = re.compile(r"(\w+\s*([\[(].*[\])])?)?")
 
 
 def read_tum(path: Path) -> Floats:
     """Return points of a centre line with half-widths, shape (N, 4): x, y, left, right [m].
 
+    A point that comes again is left out, as the first one at the end.
+
     Raises:
         TrackError: the file cannot be read, is too long, or holds something else.
     """
     rows: list[tuple[float, float, float, float]] = []
+    columns = USUAL
     lines = read_text(path, MOST_BYTES, TrackError).splitlines()
     for number, line in enumerate(lines, start=1):
-        text = line.split("#", 1)[0].strip()
-        if not text:
-            continue
-        try:
-            values = [float(word) for word in text.replace(";", ",").split(",")]
-        except ValueError as error:
-            raise TrackError(f"{path}, line {number}: {text[:40]!r} holds no numbers") from error
-        if len(values) < 4 or not np.isfinite(values).all():
-            raise TrackError(f"{path}, line {number}: expected x, y, width right, width left")
-        rows.append((values[0], values[1], values[3], values[2]))
+        text, _, comment = line.partition("#")
+        place = f"{path}, line {number}"
+        if not rows and (named := _columns_in(text.strip() or comment, place)):
+            columns = named
+        elif text.strip():
+            rows.append(_row(text.strip(), columns, place))
     check_count(f"points in {path}", len(rows), MOST_POINTS)
-    points = np.array(rows).reshape(-1, 4)
-    if len(points) > 1 and np.hypot(*(points[0] - points[-1])[:2]) < 1e-6:
-        points = points[:-1]
+    points = _apart(np.array(rows).reshape(-1, 4))
     if len(points) < 4:
         raise TrackError(f"{path}: {len(points)} points make no course")
     return points
+
+
+def _words_in(text: str) -> list[str]:
+    """Return what stands between the separators of a line."""
+    separator = next((one for one in ";," if one in text), None)
+    return [word.strip().strip('"') for word in text.split(separator)]
+
+
+def _columns_in(text: str, place: str) -> Columns | None:
+    """Return where a line of names says that the four numbers stand, None if it names none.
+
+    Raises:
+        TrackError: it names places without widths.
+    """
+    names = _words_in(text)
+    if len(names) < len(USUAL) or not all(map(_COLUMN.fullmatch, names)):
+        return None
+    words = [re.findall("[a-z]+", name.lower()) for name in names]
+    x, y = (next((n for n, one in enumerate(words) if one[:1] == [axis]), -1) for axis in "xy")
+    right, left = (
+        next((n for n, one in enumerate(words) if side in one), -1) for side in ("right", "left")
+    )
+    if min(x, y) < 0:
+        return None
+    if min(right, left) >= 0:
+        return x, y, right, left
+    if (x, y) == USUAL[:2]:
+        return USUAL
+    raise TrackError(
+        f"{place}: columns {', '.join(names)[:60]}: none for the widths to the right and left; "
+        "give the file of the centre line"
+    )
+
+
+def _row(text: str, columns: Columns, place: str) -> tuple[float, float, float, float]:
+    """Return x, y, half-width left, half-width right [m] of a line.
+
+    Raises:
+        TrackError: it holds something else.
+    """
+    words = _words_in(text)
+    if ";" in text:
+        words = [word.replace(",", ".") for word in words]
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        raise TrackError(f"{place}: {text[:40]!r} holds no numbers") from error
+    if len(values) <= max(columns) or not np.isfinite(values).all():
+        raise TrackError(f"{place}: expected x, y, width right, width left")
+    x, y, right, left = (values[column] for column in columns)
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise TrackError(
+            f"{place}: x, y = {x:g}, {y:g}: up to {FARTHEST:g} m from zero; move the course there"
+        )
+    if not 0.0 < min(left, right) <= max(left, right) <= MOST_HALF_WIDTH:
+        raise TrackError(
+            f"{place}: widths right, left = {right:g}, {left:g}: from the line to each side they "
+            f"are above 0 and up to {MOST_HALF_WIDTH:g} m"
+        )
+    return x, y, left, right
+
+
+def _apart(points: Floats) -> Floats:
+    """Return points (N, 4) without those that are the same as the one before them."""
+    if not len(points):
+        return points
+    least = max(SAME_SHARE * float(np.median(lengths_of(points[:, :2]))), SAME)
+    kept = [0]
+    for number in range(1, len(points)):
+        if np.hypot(*(points[number] - points[kept[-1]])[:2]) > least:
+            kept.append(number)
+    if len(kept) > 1 and np.hypot(*(points[kept[-1]] - points[0])[:2]) <= least:
+        kept.pop()
+    return points[kept]
