@@ -86,11 +86,12 @@ def worst_ahead(
     """
     # No way is tighter than tyres hold: a kart that turns faster spins, and goes straight on.
     most = limits.grip / (CERTAIN * max(speed * speed, 1e-6))
-    now, wanted = (max(-most, min(each, most)) for each in (now, now if drift.slides else wanted))
+    now, wanted = (max(-most, min(each, most)) for each in (now, wanted))
     limits, loose = drift.limits(limits), drift.echoes(loose)
-    danger = assess(drift.tracks(tracks), speed, now, wanted, limits)
+    steers = not drift.slides
+    danger = assess(drift.tracks(tracks), speed, now, wanted, limits, steers=steers)
     if danger.stage is not DangerStage.FULL:
-        met = in_the_way(loose, speed, now, wanted, limits)
+        met = in_the_way(loose, speed, now, wanted, limits, steers=steers)
         if met.any():
             danger = nearest_of(loose.kept(met), limits, Advice.BRAKE)
     return replace(danger, bearing=danger.bearing + drift.course) if drift.course else danger
@@ -115,11 +116,18 @@ def nearest_of(echoes: Echoes, limits: Limits, advice: Advice) -> Danger:
 
 
 def assess(
-    tracks: Sequence[Track], speed: float, now: float, wanted: float, limits: Limits
+    tracks: Sequence[Track],
+    speed: float,
+    now: float,
+    wanted: float,
+    limits: Limits,
+    *,
+    steers: bool = True,
 ) -> Danger:
     """Return the worst danger of all objects along the two arcs.
 
-    now, wanted: curvatures [1/m] that the kart drives, and that its driver steers to.
+    now, wanted: curvatures [1/m] that the kart drives, and that its driver steers to; steers:
+    whether it goes where its front wheels point.
     """
     worst = NO_DANGER
     for track in tracks:
@@ -129,7 +137,7 @@ def assess(
             continue
         danger = danger_of(track, speed, now, limits)
         # Who steers past a kart passes it; a person on either way is in danger.
-        if not is_kart or danger is not NO_DANGER:
+        if steers if not is_kart else danger is not NO_DANGER:
             other = danger_of(track, speed, wanted, limits)
             danger = (min if is_kart else max)(danger, other, key=severity_of)
         if is_kart and track.missed > LOST:

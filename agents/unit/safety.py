@@ -141,20 +141,27 @@ def watch_obstacles(
 
 
 def in_the_way(
-    echoes: Echoes, speed: float, now: float, wanted: float, limits: Limits
+    echoes: Echoes,
+    speed: float,
+    now: float,
+    wanted: float,
+    limits: Limits,
+    *,
+    steers: bool = True,
 ) -> NDArray[np.bool_]:
     """Return which echoes the kart must brake for fully, shape (n,).
 
     now, wanted: curvature [1/m] that the kart drives, and that its driver steers to. Whatever
     stands on one of these two ways counts, be it a person or a thing; a kart counts on both. The
     border of a bend lies on the way of every kart that is about to turn: it counts where no way
-    leads past it.
+    leads past it. steers: whether the kart goes where its front wheels point; where it slides, no
+    person or thing counts for being there.
     """
     if not len(echoes.x):
         return np.zeros(0, np.bool_)
     is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
     drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
-    is_met = (drives | will) & ~is_border
+    is_met = (drives | (will & steers)) & ~is_border
     is_met &= ~is_kart | (drives & will)  # who steers past a kart passes it
     walls = (drives | will) & is_border
     if (drives & is_border).sum() < BLOCKS or (will & is_border).sum() < BLOCKS:
