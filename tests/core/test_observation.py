@@ -62,6 +62,17 @@ def test_a_part_alone_is_what_it_is_among_all_others(part: Part) -> None:
     assert (values[0, [0, 2]] == 7.0).all()  # nor for a kart without a preset
 
 
+@pytest.mark.parametrize("items", [True, False])
+def test_boxes_are_shown_only_in_a_race_with_items(items: bool) -> None:
+    session = session_on_ring("test", 1, items=items)
+    session.join("anyone", "full")
+    session.seats[0].is_ready = True
+    session.start()
+    session.observe()
+    view = Observation(0, session.layout("full"), session.view(0).copy())
+    assert (view["boxes_x"] < 1000.0).any() == items
+
+
 def test_parts_that_a_layout_lacks_have_no_offset() -> None:
     offsets = offsets_of(layout_of(("speed", "radar", "lap"), 201))
     shown = {PARTS[number].name: start for number, start in enumerate(offsets[:-1]) if start >= 0}

@@ -124,10 +124,13 @@ def fill_things(
 
 @kernel
 def _thing(world: World, w: int, thing: int, boxes: bool) -> tuple[bool, float, float]:
-    """Return whether an item box, or else a hazard, is there now, and its place [m]."""
+    """Return whether an item box, or else a hazard, is there now, and its place [m].
+
+    In a race without items no box can be taken.
+    """
     tick = world.races[w].tick
     if boxes:
         box = world.boxes[w, thing]
-        return tick >= box.ready_tick, box.x, box.y
+        return world.rules[w].items > 0 and tick >= box.ready_tick, box.x, box.y
     hazard = world.hazards[w, thing]
     return tick < hazard.until_tick, hazard.x, hazard.y
