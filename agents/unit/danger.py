@@ -137,7 +137,8 @@ def assess(
             continue
         danger = danger_of(track, speed, now, limits)
         # Who steers past a kart passes it; a person on either way is in danger.
-        if steers if not is_kart else danger is not NO_DANGER:
+        has_two_ways = danger is not NO_DANGER if is_kart else steers
+        if has_two_ways:
             other = danger_of(track, speed, wanted, limits)
             danger = (min if is_kart else max)(danger, other, key=severity_of)
         if is_kart and track.missed > LOST:
