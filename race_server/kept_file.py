@@ -6,6 +6,7 @@ import itertools
 import os
 import tempfile
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -52,6 +53,14 @@ def free_aside(path: Path, word: str, suffix: str) -> Path:
     return next(free for free in map(path.with_name, numbered) if not free.exists())
 
 
+def part_of(path: Path) -> Path:
+    """Return the name under which this process writes a file before it is complete.
+
+    Another process may write the same file at the same time.
+    """
+    return path.with_name(f"{path.name}.{os.getpid()}.part")
+
+
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Let a function write a file aside, and move it once it is complete.
 
@@ -64,23 +73,8 @@ def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     if path.exists() and not _can_be_replaced(path):
         with path.open("wb") as file:
             write(file)
-        return
-    path = path.resolve()
-    part = path.with_name(f"{path.name}.part")
-    try:
-        with part.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())  # else a power cut may leave an empty file of that name
-        part.replace(path)
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
-
-
-def _can_be_replaced(path: Path) -> bool:
-    is_open = path.absolute().parts[1:2] in {("dev",), ("proc",)}
-    return path.is_file() and not is_open and os.access(path.resolve().parent, os.W_OK)
+    else:
+        _write_aside({path.resolve(): write})
 
 
 def write_together(files: Mapping[Path, bytes]) -> None:
@@ -91,18 +85,30 @@ def write_together(files: Mapping[Path, bytes]) -> None:
     Raises:
         OSError: one cannot be written.
     """
-    # Another process may write the same files at the same time.
-    aside = {path: path.with_name(f"{path.name}.{os.getpid()}.part") for path in files}
+    _write_aside({path: partial(_write_all, data) for path, data in files.items()})
+
+
+def _write_all(data: bytes, file: IO[bytes]) -> None:
+    file.write(data)
+
+
+def _can_be_replaced(path: Path) -> bool:
+    is_open = path.absolute().parts[1:2] in {("dev",), ("proc",)}
+    return path.is_file() and not is_open and os.access(path.resolve().parent, os.W_OK)
+
+
+def _write_aside(writers: Mapping[Path, Callable[[IO[bytes]], object]]) -> None:
     try:
-        for path, data in files.items():
-            with aside[path].open("wb") as file:
-                file.write(data)
+        for path, write in writers.items():
+            with part_of(path).open("wb") as file:
+                write(file)
                 file.flush()
                 os.fsync(file.fileno())  # else a power cut may leave an empty file of that name
-        for path in filter(Path.is_dir, files):
+        for path in filter(Path.is_dir, writers):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-        for path in files:
-            aside[path].replace(path)
+        for path in writers:
+            part_of(path).replace(path)
     finally:
-        for part in aside.values():
-            part.unlink(missing_ok=True)
+        for path in writers:
+            with contextlib.suppress(OSError):
+                part_of(path).unlink(missing_ok=True)

@@ -9,13 +9,17 @@ from typing import Any, TypeVar
 
 from race_server.core.kernels.jit import cache_root, source_digest
 from race_server.kept_file import keep
+from race_server.scenario.raceline.reference import solver_digest
 
 Outcome = TypeVar("Outcome")
 
 
 def place_of(exam: str, *words: object) -> Path:
-    """Return the file of a task: by all that decides its outcome, the compiled code included."""
-    text = " ".join(str(word) for word in (source_digest(), *words))
+    """Return the file of a task: by all that decides its outcome.
+
+    Besides the words those are the compiled code and the solver of lines.
+    """
+    text = " ".join(str(word) for word in (source_digest(), solver_digest(), *words))
     digest = hashlib.sha256(text.encode()).hexdigest()[:24]
     return cache_root() / exam / f"{digest}.json"
 

@@ -138,6 +138,15 @@ def test_a_course_that_was_driven_is_not_driven_twice(
     assert 0.98 < first.ratios[0] < 1.05
 
 
+def test_what_an_earlier_solver_of_lines_led_to_is_not_taken_for_todays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    today = kept_outcomes.place_of("lap-exams", "oval")
+    assert kept_outcomes.place_of("lap-exams", "oval") == today
+    monkeypatch.setattr(kept_outcomes, "solver_digest", lambda: "an earlier one")
+    assert kept_outcomes.place_of("lap-exams", "oval") != today
+
+
 def test_a_course_is_driven_again_once_its_limit_can_be_solved(
     driven: list[RunSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,7 @@ from race_server.cli.service import Service, serve_races
 from race_server.competition.launch import free_address
 from race_server.competition.time_trial.ghost import save_lap
 from race_server.errors import ResultsError
+from race_server.kept_file import part_of
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.supervisor import Past
 from race_server.logs import Log
@@ -123,7 +124,7 @@ def test_a_folder_that_takes_nothing_leaves_the_journal_where_it_is(
 def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     write_whole(path, "old")
-    (tmp_path / "result.json.part").symlink_to(FULL)
+    part_of(path).symlink_to(FULL)
     with pytest.raises(OSError, match="No space left"):
         write_whole(path, "new")
     assert path.read_text() == "old"
@@ -143,7 +144,7 @@ def test_a_table_or_a_picture_that_the_disk_does_not_take_leaves_the_old_one(
     }
     for path, write in writers.items():
         path.write_text("old")
-        (tmp_path / f"{path.name}.part").symlink_to(FULL)
+        part_of(path).symlink_to(FULL)
         with pytest.raises((OSError, ResultsError), match="No space left"):
             write()
         assert path.read_text() == "old"
@@ -157,7 +158,7 @@ def test_a_file_in_a_folder_that_takes_no_other_is_written_in_place(
 ) -> None:
     path = tmp_path / "result.json"
     write_whole(path, "old")
-    (tmp_path / "result.json.part").mkdir()
+    part_of(path).mkdir()
     monkeypatch.setattr("race_server.kept_file.os.access", lambda *_: False)
     write_whole(path, "new")
     assert path.read_text() == "new"

@@ -85,7 +85,7 @@ def _cached(course: Course, bounds: Bounds) -> Path:
 
 
 @cache
-def _solver() -> str:
+def solver_digest() -> str:
     """Return a digest of the solver and of this package's code, on which solutions depend."""
     digest = hashlib.sha256()
     # Without the solver there is no version of it.
@@ -97,8 +97,8 @@ def _solver() -> str:
 
 
 def _digest(course: Course, bounds: Bounds) -> str:
-    words = f"{_solver()} {course.name} {course.spacing} {course.kerb} {course.grass} {bounds}"
-    digest = hashlib.sha256(words.encode())
+    road = (course.name, course.spacing, course.kerb, course.grass)
+    digest = hashlib.sha256(f"{solver_digest()} {road} {bounds}".encode())
     for numbers in (course.line, course.half_widths, course.borders):
         digest.update(np.ascontiguousarray(numbers).tobytes())
     return digest.hexdigest()[:24]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import RecordingError
+from race_server.kept_file import part_of
 from race_server.net.wire.journal import decode_start
 from race_server.storage.recording.channels import START
 from race_server.storage.recording.reader import NANOSECONDS, Line, read_lines
@@ -30,7 +31,7 @@ def write_excerpt(source: Path, target: Path, until_s: float) -> int:
     start = next((line for line in lines if line.kind is START), None)
     if start is None:
         raise RecordingError(f"recording {source} does not hold the beginning of a race")
-    part = target.with_name(f"{target.name}.part")
+    part = part_of(target)
     try:
         last_ns = _copy(part, start, lines, until_s)
         part.rename(target)
