@@ -12,9 +12,23 @@ import math
 
 from race_agents.planning.corridor import Walls, find_gates, largest_edge
 from race_agents.planning.driven_way import moved_in, rays_across, remember_way, shut, wall_off
-from race_agents.planning.latency import LATENCY, THIRDS, estimate_latency, remember_command
+from race_agents.planning.latency import (
+    LATENCY,
+    STEERING,
+    THIRDS,
+    estimate_latency,
+    remember_command,
+    take_up_play,
+)
 from race_agents.planning.path_smoothing import point_along, smooth_path, speed_before
-from race_agents.planning.scan import age_of_scan, fill_dropouts, move_scan, ray_angle, widen_edges
+from race_agents.planning.scan import (
+    age_of_scan,
+    fill_dropouts,
+    move_scan,
+    ray_angle,
+    smooth_walls,
+    widen_edges,
+)
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.tracking import spare_rear
 from race_agents.planning.turn_back import SIDE, has_turned_round
@@ -69,6 +83,7 @@ def follow(cockpit: Cockpit) -> None:
     rays, field, speed = offsets[-1], setup[FIELD], max(observation[offsets[SPEED]], 0.0)
     path = KEPT + 4 * rays
     fill_dropouts(observation, offsets[LIDAR], rays, setup[REACH], memory, KEPT)
+    smooth_walls(memory, KEPT, rays, EDGE_LENGTHS * vehicle.length)
     remember_way(cockpit)
     split, hides = find_gap(memory, rays, field, vehicle)
     estimate_latency(cockpit)
@@ -100,7 +115,8 @@ def follow(cockpit: Cockpit) -> None:
         target = speed_before(memory, path, gates, end, grip, BEND_SHARE, braking)
     steered = min(max(abs(bend), 1e-3), 1.0 / tightest)
     target = min(target, math.sqrt(STEER_SHARE * grip / steered), vehicle.top_speed)
-    control[0] = min(max(math.atan(bend * wheelbase) / vehicle.steering_limit, -1.0), 1.0)
+    angle = take_up_play(memory, math.atan(bend * wheelbase), observation[offsets[STEERING]])
+    control[0] = min(max(angle / vehicle.steering_limit, -1.0), 1.0)
     press_pedals(speed, min(target, observation[offsets[SPEED_CAP]]), GAIN, control)
     spare_rear(vehicle, grip, abs(speed * observation[offsets[YAW_RATE]]) / max(grip, 0.1), control)
     finish_decision(cockpit)

@@ -6,6 +6,9 @@ from race_server.core.kernel_driver import KEPT, SCAN_AGE, SCAN_SUM
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import Floats
 
+# Rays to each side that tell of the same place of a wall, and the least range [m].
+BESIDE, NEAREST = 2, 0.05
+
 
 @kernel
 def ray_angle(ray: float, rays: int, field: float) -> float:
@@ -37,6 +40,30 @@ def fill_dropouts(
         last = ray
     for lost in range(last + 1, rays):
         out[base + lost] = out[base + last] if last >= 0 else reach
+
+
+@kernel
+def smooth_walls(ranges: Floats, base: int, rays: int, jump: float) -> None:
+    """Replace each range by what its neighbours on the same wall tell of it.
+
+    Seen from anywhere, 1 / range along a straight wall is a cosine of the angle, which a mean over
+    a few rays to both sides leaves as it is. ranges: (n,) [m], the scan of `rays` ranges from
+    `base` on; as many numbers behind it are overwritten; jump: difference of two neighbours [m]
+    that belongs to two walls.
+    """
+    kept = base + rays
+    for ray in range(rays):
+        ranges[kept + ray] = ranges[base + ray]
+    for ray in range(rays):
+        total, aside = 1.0 / max(ranges[kept + ray], NEAREST), 1
+        while aside <= BESIDE and ray >= aside and ray + aside < rays:
+            right, left = kept + ray - aside, kept + ray + aside
+            rise, fall = ranges[left] - ranges[left - 1], ranges[right + 1] - ranges[right]
+            if max(abs(rise), abs(fall)) > jump:
+                break
+            total += 1.0 / max(ranges[right], NEAREST) + 1.0 / max(ranges[left], NEAREST)
+            aside += 1
+        ranges[base + ray] = (2 * aside - 1) / total
 
 
 @kernel

@@ -10,7 +10,7 @@ import pytest
 
 from race_agents.drivers.avoider import avoid
 from race_agents.drivers.follow_gap import middle_of_gap
-from race_agents.planning.scan import fill_dropouts, widen_edges
+from race_agents.planning.scan import fill_dropouts, smooth_walls, widen_edges
 from race_agents.planning.tracking import spare_rear
 from race_server.core.driver import Briefing, driver_named, driver_names
 from race_server.core.kernel_driver import cockpit_for
@@ -115,6 +115,27 @@ def test_an_edge_hides_the_space_beside_it() -> None:
     # Half a width of 0.2 m at 1 m is 0.2 rad: two steps of 0.1 rad and one to be safe.
     widen_edges(ranges, 0, 6, 0.1, 0.2, 0.5, wide, 0)
     assert list(wide) == [1.0, 1.0, 1.0, 1.0, 1.0, 5.0]
+
+
+def smoothed(ranges: list[float]) -> list[float]:
+    scan = np.array([*ranges, *ranges])
+    smooth_walls(scan, 0, len(ranges), 0.5)
+    return list(scan[: len(ranges)])
+
+
+def test_a_straight_wall_stays_where_it_is_when_ranges_are_smoothed() -> None:
+    wall = [2.0 / math.cos(math.radians(angle)) for angle in range(-40, 41)]
+    assert smoothed(wall) == pytest.approx(wall, rel=0.001)
+
+
+def test_of_noise_on_a_wall_a_fifth_is_left() -> None:
+    noisy = [2.03, 1.97] * 6
+    assert max(abs(distance - 2.0) for distance in smoothed(noisy)[2:-2]) < 0.007
+
+
+def test_an_edge_stays_as_sharp_as_it_was_seen() -> None:
+    edge = [1.0, 1.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0]
+    assert smoothed(edge) == pytest.approx(edge)
 
 
 def test_the_widest_deep_stretch_is_the_gap() -> None:
