@@ -93,8 +93,7 @@ def train(
         begin_with_policy(policy_path(settings.warm_start.policy), learner, world)
     if resume:
         best_score = restored(settings, place, learner, world, budget, say)
-    known = _learned_on(settings)
-    if known:
+    if known := _learned_on(settings):
         say(f"evaluation.final: {', '.join(known)}: {LEARNED_ON}")
     played = SelfPlay(settings, place, world, budget.done) if settings.self_play.seats else None
     log = place / "tensorboard" / "race" if tensorboard else None
