@@ -20,7 +20,7 @@ UNKNOWN = "–"
 MOST_OBSERVATIONS = 1_000_000
 # Metadata beside the observations, with units.
 FACTS = {
-    **dict.fromkeys(("action", "base", "vehicle", "lidar_rays"), ""),
+    **dict.fromkeys(("action", "base", "vehicle", "more_vehicles", "lidar_rays"), ""),
     "lidar_field": " rad",
     "lidar_reach": " m",
     "decision_s": " s",
@@ -110,17 +110,24 @@ def join(
 
 def _difference(path: Path, loaded: Any, seen: Any) -> tuple[float | None, str]:
     """Return the largest difference to the learner, or why there is none to compare with."""
-    from race_agents.policies.registry import BEST, CONFIG
+    from race_agents.policies.registry import BEST, CONFIG, name_of
 
     run = path.parent
     if not ((run / CONFIG).is_file() and (run / BEST).is_file()):
         return None, f"not compared with its learner: {run} is no folder of a run"
     try:
+        from race_agents.training.folder import settings_in
         from race_agents.training.parity import difference_in
+        from race_agents.training.resumption import has_gone_on
     except ImportError as error:
         return None, (
             f"not compared with its learner: {error.name} is not installed, "
             "`pip install race-server[train]` installs it"
+        )
+    if has_gone_on(run, settings_in(run)):
+        return None, (
+            "not compared with its learner, which has learned since this file was written; "
+            f"`race train --resume {name_of(run)}` writes a new one"
         )
     return difference_in(run, loaded, seen), ""
 
@@ -177,7 +184,7 @@ def _parts(metadata: dict[str, Any]) -> str:
 
 def _fact(value: Any) -> str:
     if isinstance(value, tuple | list):
-        return ", ".join(value)
+        return ", ".join(value) or UNKNOWN
     return f"{value:g}" if isinstance(value, float) else str(value) or UNKNOWN
 
 

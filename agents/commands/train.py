@@ -239,9 +239,14 @@ def _left_clean(place: Path) -> Iterator[None]:
 
 @contextmanager
 def _disk_named(place: Path) -> Iterator[None]:
-    """Explain how a full or locked disk ended a training."""
+    """Explain how a full or locked disk, or too little memory, ended a training."""
     try:
         yield
+    except MemoryError as error:
+        raise ScenarioError(
+            f"{place}: not enough memory for this training; choose smaller worlds, "
+            "evaluation.seeds, or algorithm.options.n_steps or buffer_size"
+        ) from error
     except OSError as error:
         raise ScenarioError(
             f"{error.filename or place}: {error.strerror or error}; the training has stopped; if "

@@ -112,7 +112,9 @@ def _fits(value: Any, wanted: Any) -> bool:
     """Return whether a value is of a type, all members of a tuple included, and finite."""
     if get_origin(wanted) is tuple:
         member = get_args(wanted)[0]
-        return isinstance(value, tuple) and all(isinstance(one, member) for one in value)
+        return isinstance(value, tuple) and all(_fits(one, member) for one in value)
+    if wanted is int and isinstance(value, bool):
+        return False  # which Python takes for a number
     return isinstance(value, wanted) and (wanted is not float or math.isfinite(value))
 
 

@@ -19,14 +19,14 @@ MOST_WORDS = 200  # characters of an error of the runtime
 class Policy:
     """A network with its normalisation and its metadata."""
 
-    def __init__(self, path: Path) -> None:
-        """Load the policy of a file.
+    def __init__(self, path: Path, data: bytes | None = None) -> None:
+        """Load the policy of a file. data: of a file that is not written yet.
 
         Raises:
             DriverError: the file is damaged or foreign, or ONNX Runtime is not installed.
         """
         self.name = str(path)
-        data = policy_bytes(path)
+        data = policy_bytes(path) if data is None else data
         network = network_in(data, self.name)
         self.metadata: PolicyMetadata = metadata_of(network.metadata, self.name)
         self._check_shapes(network)

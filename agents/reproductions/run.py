@@ -24,6 +24,7 @@ from race_agents.reproductions.training import (
 )
 from race_agents.training.folder import versions
 from race_server.errors import ScenarioError
+from race_server.kept_file import write_together
 
 CELLS, TABLE, FIGURES, PLOT = "cells", "README.md", "table.json", "plot.png"
 
@@ -200,8 +201,8 @@ def _write(
         "Picture": f"![learning, and ours beside theirs]({PLOT})",
     }
     text = page(plan, scale, lines, words, quick=quick)
-    (place / TABLE).write_text(text, encoding="utf-8")
-    (place / FIGURES).write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    figures = json.dumps(document, indent=2) + "\n"
+    write_together({place / TABLE: text.encode(), place / FIGURES: figures.encode()})
     if lines:
         draw(place / PLOT, plan, lines, scale_words(scale, lines, quick=quick))
     return document

@@ -26,6 +26,7 @@ from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
 from race_server.errors import ScenarioError
+from race_server.kept_file import write_together
 
 FORMAT = 1  # of the files; files of another format are made again
 
@@ -173,6 +174,4 @@ def read_outcome(path: Path, training: Training) -> dict[str, Any] | None:
 
 def write_outcome(path: Path, outcome: dict[str, Any]) -> None:
     """Save the outcome of a training, atomically."""
-    aside = path.with_suffix(".part")
-    aside.write_text(json.dumps(outcome) + "\n", encoding="utf-8")
-    aside.replace(path)
+    write_together({path: (json.dumps(outcome) + "\n").encode()})

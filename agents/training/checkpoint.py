@@ -7,6 +7,7 @@ read with PyTorch's restricted reader, which unpickles no code.
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,12 +21,14 @@ from race_agents.training.reward_wrapper import RewardWrapper
 from race_agents.training.settings import Settings
 from race_server.envs.sb3 import KartVecEnv
 from race_server.errors import ScenarioError
+from race_server.kept_file import write_file
 
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 CURRICULUM = "curriculum"
 ENTROPY = "log_ent_coef"
 RETURN = "return_"  # in front of the names of the rewards' means
 STRETCH = "stretch"
+MOST_WORDS = 200  # characters of an error of PyTorch
 
 
 class Companion(Protocol):
@@ -82,13 +85,10 @@ def save_checkpoint(
         "score": score,
         "basis": basis,
     }
-    # Written aside and moved: a killed process leaves the checkpoint before intact.
-    aside = path.with_suffix(".part")
     # Through memory: PyTorch's writer does not raise OSError on a full disk.
     written = io.BytesIO()
     torch.save(content, written)
-    aside.write_bytes(written.getbuffer())
-    aside.replace(path)
+    write_file(path, lambda file: file.write(written.getbuffer()))
 
 
 def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
@@ -139,8 +139,18 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path}: no such checkpoint, as the run ended before its first evaluation; begin it "
             "again"
         ) from error
+    except UnpicklingError as error:  # whose words tell how to run code that lies in the file
+        raise ScenarioError(
+            f"{path}: damaged, or no checkpoint: it holds other than numbers and names"
+        ) from error
     except Exception as error:  # PyTorch's reader raises errors of many types on a damaged file
-        raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error
+        raise _refusal(path, error) from error
+
+
+def _refusal(path: Path, error: Exception) -> ScenarioError:
+    """Return an error with the beginning of what PyTorch says, which takes up to a page."""
+    words = " ".join(str(error).split())[:MOST_WORDS]
+    return ScenarioError(f"{path}: damaged, or of other settings: {words}")
 
 
 def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget) -> float:
@@ -175,4 +185,4 @@ def load_checkpoint(path: Path, learner: Any, world: Normaliser, budget: Budget)
         budget.spent_s, budget.done = float(content["seconds"]), int(content["done"])
         return float(content["score"])
     except Exception as error:  # shapes that do not fit fail in many ways
-        raise ScenarioError(f"{path}: damaged, or of other settings: {error}") from error
+        raise _refusal(path, error) from error

@@ -20,6 +20,7 @@ from race_agents.drivers.learned import places_in
 from race_agents.training.export import metadata_from
 from race_agents.training.settings import Settings
 from race_agents.training.teacher import actions_of
+from race_server.core.clock import TICK_S
 from race_server.core.observation import layout_of
 from race_server.envs.actions import BRAKED, CONTINUOUS, CONTROL, PEDAL, action_kind
 from race_server.errors import RaceError, RecordingError, ScenarioError
@@ -29,6 +30,7 @@ from race_server.storage.arrays import read_arrays
 # Increase it when the meaning of an observation part or of a control changes.
 VERSION = 1
 MOST_BYTES = 1 << 32  # of all arrays, when they are unpacked
+ROUNDING = 1e-6  # of intervals
 Rows = NDArray[np.float32]
 # Errors of NumPy and of unpacking on a damaged or foreign file.
 DAMAGES = (
@@ -125,8 +127,10 @@ def _check(shown: Demonstrations, path: Path) -> None:
         size = layout_of(shown.about.parts, shown.about.lidar_rays).size
     except ScenarioError as error:
         raise RecordingError(f"{path}: {error}") from error
-    if not 0.0 < shown.about.decision_s < math.inf:
-        raise RecordingError(f"{path}: decision_s = {shown.about.decision_s!r} is not valid")
+    least = {"decision_s": TICK_S - ROUNDING, "lidar_field": 0.0, "lidar_reach": 0.0}
+    for name, number in least.items():
+        if not number <= getattr(shown.about, name) < math.inf:
+            raise RecordingError(f"{path}: {name} = {getattr(shown.about, name)!r} is not valid")
     seen, controls = shown.observations, shown.controls
     count = len(seen) if seen.ndim else 0
     if count < 1 or seen.shape != (count, size) or controls.shape != (count, 4):
@@ -157,7 +161,7 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         )
     ratio = metadata.decision_s / about.decision_s
     every = round(ratio)
-    if every < 1 or abs(ratio - every) > 1e-6:
+    if every < 1 or abs(ratio - every) > ROUNDING:
         raise ScenarioError(
             f"{path}: decision_s = {about.decision_s!r}, the training's is "
             f"{metadata.decision_s!r}, which is no whole multiple of it; record others"
@@ -174,7 +178,10 @@ def pairs_for(settings: Settings, path: Path) -> tuple[Rows, Rows]:
         places = places_in(layout, metadata, gear, "the learner")
     except RaceError as error:
         raise ScenarioError(f"{path}: {error}") from error
+    if "speed" not in layout.slices:
+        raise ScenarioError(f"{path}: shows no 'speed', by which a pedal brakes; record others")
     seen, controls = shown.observations[::every], shown.controls[::every]
+    controls = np.clip(controls, (-1.0, -1.0, 0.0, 0.0), (1.0, 1.0, 1.0, 3.0))
     speeds = seen[:, layout.slices["speed"].start]
     actions = actions_of(controls.astype(np.float64), kind, speeds.astype(np.float64))
     return np.ascontiguousarray(seen[:, places]), actions

@@ -5,7 +5,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,6 +17,7 @@ from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
 from race_agents.training.tasks import final_courses
 from race_server.errors import ScenarioError
+from race_server.kept_file import write_together
 from race_server.scenario.track.sets import REVERSED
 
 VERSIONS, README = "versions.json", "README.md"
@@ -80,8 +81,27 @@ def abandon(folder: Path) -> None:
 
 def begin(folder: Path, settings: Settings) -> None:
     """Write the settings and versions of a run before it begins."""
-    (folder / CONFIG).write_text(as_toml(settings), encoding="utf-8")
-    _write_json(folder / VERSIONS, versions())
+    # Whole or not at all: without its settings no run goes on.
+    write_together(
+        {folder / CONFIG: as_toml(settings).encode(), folder / VERSIONS: _json_of(versions())}
+    )
+
+
+@contextmanager
+def begun(folder: Path, settings: Settings, has_learned: Callable[[], bool]) -> Iterator[None]:
+    """Begin a run, or go on with it under other settings.
+
+    If that fails before anything was learned under them, those before are put back.
+    """
+    places = (folder / CONFIG, folder / VERSIONS)
+    before = {path: path.read_bytes() for path in places if path.is_file()}
+    begin(folder, settings)
+    try:
+        yield
+    except BaseException:
+        if not has_learned():
+            write_together(before)
+        raise
 
 
 def settings_in(folder: Path, changes: tuple[str, ...] = ()) -> Settings:
@@ -106,15 +126,18 @@ def versions() -> dict[str, str]:
     return found
 
 
-def write_evaluation(folder: Path, marks: list[Marks], more: dict[str, Any]) -> dict[str, Any]:
-    """Write and return the figures of the best policy."""
-    document = {marks[-1].courses: [one.row() for one in marks], **more}
-    _write_json(folder / EVALUATION, document)
-    return document
+def evaluation_of(marks: list[Marks], more: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of the best policy as plain data."""
+    return {marks[-1].courses: [one.row() for one in marks], **more}
 
 
-def _write_json(path: Path, document: dict[str, Any]) -> None:
-    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+def write_evaluation(folder: Path, document: dict[str, Any]) -> None:
+    """Write the figures of the best policy: the last file of a run, after all others."""
+    write_together({folder / EVALUATION: _json_of(document)})
+
+
+def _json_of(document: dict[str, Any]) -> bytes:
+    return (json.dumps(document, indent=2) + "\n").encode()
 
 
 def write_readme(
@@ -147,7 +170,7 @@ Drive it:
 {POLICY} answers like the learner to {evaluation["parity"]:.1e} and takes \
 {evaluation["decision_us"]:.0f} µs for a decision.
 """
-    (folder / README).write_text(text, encoding="utf-8")
+    write_together({folder / README: text.encode()})
 
 
 def _again(folder: Path, settings: Settings, evaluation: dict[str, Any]) -> tuple[str, str]:

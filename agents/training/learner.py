@@ -46,6 +46,7 @@ _TAKEN = {
     *("self", "policy", "env", "learning_rate", "seed", "device", "verbose", "tensorboard_log"),
     *("policy_kwargs", "_init_setup_model", "stats_window_size", "action_noise", "agents"),
     *("replay_buffer_class", "replay_buffer_kwargs"),
+    *("rollout_buffer_class", "rollout_buffer_kwargs"),
 }
 # Deviation of what TD3 adds to its actions, unless `options.action_noise` says otherwise.
 TD3_NOISE = 0.1

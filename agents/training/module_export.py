@@ -6,6 +6,7 @@ What comes out is checked as every policy is: it holds operators of one list onl
 
 import operator
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,19 @@ from torch.nn import functional
 
 from race_agents.policies.metadata import INPUT, OUTPUT, PolicyMetadata
 from race_agents.policies.session import Policy
-from race_agents.training.onnx_graph import OnnxGraph, write_graph, write_model
+from race_agents.training.onnx_graph import OnnxGraph, model_of, policy_of
 from race_server.core.clock import TICK_S
 from race_server.core.observation import PARTS, layout_of
 from race_server.envs.spaces import action_space
 from race_server.envs.task import Task
-from race_server.errors import DriverError, ScenarioError
+from race_server.errors import ScenarioError
+from race_server.kept_file import write_file
 from race_server.scenario.level import name_of_level
 from race_server.scenario.race import Scenario, is_lot
 from race_server.version import __version__
 
 COMPARED = 64  # observations on which the file and the module are compared
+MOST_WORDS = 200  # characters of an error of ONNX
 MOST_DIFFERENCE = 1e-4  # as a share of the answer, above 1: rounding in single precision
 
 
@@ -89,8 +92,12 @@ def export_module(path: Path, module: nn.Module, task: Task, algorithm: str = "o
         ) from error
     _Writer(traced, graph).write()
     width = _limit(graph, task)
-    write_graph(path, graph, metadata, width)
-    return _compared(path, lambda rows: _answers_of(module, rows, task))
+    data = policy_of(model_of(graph, metadata, width), metadata)
+    # A file of that name stays as it is, until this one is known to be good.
+    policy = Policy(path, data)
+    _compare(policy, lambda rows: _answers_of(module, rows, task))
+    write_file(path, lambda file: file.write(data))
+    return policy
 
 
 def adopt_onnx(source: Path, path: Path, task: Task, algorithm: str = "other") -> Policy:
@@ -108,11 +115,16 @@ def adopt_onnx(source: Path, path: Path, task: Task, algorithm: str = "other") -
     except Exception as error:  # protobuf's errors, and those of the disk
         raise ScenarioError(f"{source} is no ONNX file: {error}") from error
     metadata, body = metadata_of_task(task, algorithm), model.graph
-    _inline_constants(body)
-    if len(body.input) != 1 or not body.output:
-        names = ", ".join(one.name for one in body.input)
-        raise ScenarioError(f"{source} takes {names or 'nothing'}: a policy takes one table")
-    _rename(body, {body.input[0].name: INPUT, body.output[0].name: OUTPUT})
+    try:
+        _inline_constants(body)
+    except Exception as error:  # texts, sparse tables, damage: each fails in another way
+        raise ScenarioError(f"{source}: a constant of it is no table: {error}") from error
+    taken = _inputs_of(body)
+    if len(taken) != 1 or not body.output:
+        raise ScenarioError(
+            f"{source} takes {', '.join(taken) or 'nothing'}: a policy takes one table"
+        )
+    _rename(body, {taken[0]: INPUT, body.output[0].name: OUTPUT})
     space = action_space(task.action)
     width = 1 if isinstance(space, spaces.Discrete) else int(np.prod(space.shape or (1,)))
     for ends, name, columns in ((body.input, INPUT, metadata.size), (body.output, OUTPUT, width)):
@@ -120,30 +132,62 @@ def adopt_onnx(source: Path, path: Path, task: Task, algorithm: str = "other") -
         kind = onnx.TensorProto.FLOAT
         ends.append(helper.make_tensor_value_info(name, kind, ["n", columns]))
     del body.value_info[:]
-    write_model(path, model, metadata)
     try:
-        return Policy(path)
-    except DriverError:
-        path.unlink()
-        raise
+        data = policy_of(model, metadata)
+    except onnx.checker.ValidationError as error:
+        words = " ".join(str(error).split())[:MOST_WORDS]
+        raise ScenarioError(f"{source} is not valid: {words}") from error
+    policy = Policy(path, data)
+    write_file(path, lambda file: file.write(data))
+    return policy
+
+
+def _inputs_of(body: Any) -> list[str]:
+    """Return the names of what a graph takes; older files name their constants there as well."""
+    constants = {constant.name for constant in body.initializer}
+    return [one.name for one in body.input if one.name not in constants]
 
 
 def _inline_constants(body: Any) -> None:
     """Turn operators that only answer a constant into constants, in the one form we read."""
     for node in [node for node in body.node if node.op_type == "Constant"]:
-        value = numpy_helper.to_array(node.attribute[0].t)
-        body.initializer.append(numpy_helper.from_array(value, node.output[0]))
+        body.initializer.append(_constant_of(node))
         body.node.remove(node)
     for number, constant in enumerate(list(body.initializer)):
         value = numpy_helper.to_array(constant)
         body.initializer[number].CopyFrom(numpy_helper.from_array(value, constant.name))
 
 
+def _constant_of(node: Any) -> Any:
+    """Return what an operator `Constant` answers: a tensor, one number, or several."""
+    value = helper.get_attribute_value(node.attribute[0])
+    if isinstance(value, onnx.TensorProto):
+        value = numpy_helper.to_array(value)
+    elif node.attribute[0].name in {"value_float", "value_floats"}:
+        value = np.asarray(value, np.float32)
+    return numpy_helper.from_array(np.asarray(value), node.output[0])
+
+
 def _rename(body: Any, names: dict[str, str]) -> None:
+    """Rename values; others that have the new names give way."""
+    taken = (*body.node, *body.initializer)
+    known = {name for one in taken for name in _names_of(one)} | set(names)
+    clear = {name: _free(name, known) for name in names.values() if name in known}
+    renamed = clear | names
+    for constant in body.initializer:
+        constant.name = renamed.get(constant.name, constant.name)
     for node in body.node:
         for ends in (node.input, node.output):
             for place, name in enumerate(ends):
-                ends[place] = names.get(name, name)
+                ends[place] = renamed.get(name, name)
+
+
+def _names_of(one: Any) -> tuple[str, ...]:
+    return (*one.input, *one.output) if isinstance(one, onnx.NodeProto) else (one.name,)
+
+
+def _free(name: str, known: set[str]) -> str:
+    return next(free for n in count(2) if (free := f"{name}_{n}") not in known)
 
 
 def _limit(graph: OnnxGraph, task: Task) -> int:
@@ -168,18 +212,15 @@ def _answers_of(module: nn.Module, rows: Any, task: Task) -> Any:
     return answers.argmax(axis=1)[:, None].astype(np.float32)
 
 
-def _compared(path: Path, answers: Callable[[Any], Any]) -> Policy:
-    policy = Policy(path)
+def _compare(policy: Policy, answers: Callable[[Any], Any]) -> None:
     chance = np.random.default_rng(0)
     rows = chance.normal(0.0, 2.0, (COMPARED, policy.metadata.size)).astype(np.float32)
     own, found = answers(rows), policy.decide(rows)
     if own.shape != found.shape or np.abs(own - found).max() > MOST_DIFFERENCE:
-        path.unlink()
         raise ScenarioError(
             f"the module answers {own.shape}, the file {found.shape}, and not alike: give a module "
             "from observations (n, size) to actions (n, A)"
         )
-    return policy
 
 
 # Functions and methods that are one operator, with no further numbers.
@@ -254,6 +295,8 @@ class _Writer:
             return add("Gemm", end, _numbers_of(layer.weight), *bias, transB=1)
         if isinstance(layer, nn.LayerNorm):
             return self._normalised(layer, end)
+        if isinstance(layer, nn.BatchNorm1d) and layer.running_var is not None:
+            return self._standardised(layer, end)
         if isinstance(layer, nn.SiLU):
             return add("Mul", end, add("Sigmoid", end))
         if isinstance(layer, nn.ELU | nn.LeakyReLU):
@@ -276,10 +319,18 @@ class _Writer:
         share = np.full((size, 1), 1.0 / size, np.float32)
         off = add("Sub", end, add("MatMul", end, share))
         variance = add("MatMul", add("Mul", off, off), share)
-        end = add("Div", off, add("Sqrt", add("Add", variance, np.float32(layer.eps))))
-        if layer.elementwise_affine:
-            end = add("Mul", end, _numbers_of(layer.weight))
-            end = end if layer.bias is None else add("Add", end, _numbers_of(layer.bias))
+        spread = add("Sqrt", add("Add", variance, np.float32(layer.eps)))
+        return self._stretched(layer, add("Div", off, spread))
+
+    def _standardised(self, layer: Any, end: Any) -> Any:
+        """Add what a batch normalisation does with the means that it has learned."""
+        spread = torch.sqrt(layer.running_var + layer.eps)
+        off = self.graph.add("Sub", end, _numbers_of(layer.running_mean))
+        return self._stretched(layer, self.graph.add("Div", off, _numbers_of(spread)))
+
+    def _stretched(self, layer: Any, end: Any) -> Any:
+        for name, numbers in (("Mul", layer.weight), ("Add", layer.bias)):
+            end = end if numbers is None else self.graph.add(name, end, _numbers_of(numbers))
         return end
 
 

@@ -9,6 +9,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from race_agents.policies.metadata import INPUT, KEY, OUTPUT, PolicyMetadata
+from race_server.kept_file import write_file
 from race_server.version import __version__
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime that runs on our Pythons
@@ -43,25 +44,32 @@ class OnnxGraph:
 
 def write_graph(path: Path, graph: OnnxGraph, metadata: PolicyMetadata, width: int) -> None:
     """Write a graph as a policy file. width: numbers of its answer."""
+    data = policy_of(model_of(graph, metadata, width), metadata)
+    write_file(path, lambda file: file.write(data))
+
+
+def model_of(graph: OnnxGraph, metadata: PolicyMetadata, width: int) -> Any:
+    """Return a graph as a model. width: numbers of its answer."""
     # The last output gets the name that drivers look for.
     graph.nodes[-1].output[0] = OUTPUT
     seen = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", metadata.size])
     answer = helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", width])
     body = helper.make_graph(graph.nodes, "policy", [seen], [answer], graph.constants)
-    model = helper.make_model(
+    return helper.make_model(
         body,
         producer_name="race-server",
         producer_version=__version__,
         ir_version=IR_VERSION,
         opset_imports=[helper.make_opsetid("", OPSET)],
     )
-    write_model(path, model, metadata)
 
 
-def write_model(path: Path, model: Any, metadata: PolicyMetadata) -> None:
-    """Write a model with its metadata as a policy file."""
+def policy_of(model: Any, metadata: PolicyMetadata) -> bytes:
+    """Return the bytes of a policy file: a model with its metadata.
+
+    Raises:
+        onnx.checker.ValidationError: ONNX does not take the model.
+    """
     helper.set_model_props(model, {KEY: metadata.as_text()})
     onnx.checker.check_model(model)
-    aside = path.with_suffix(".part")
-    aside.write_bytes(model.SerializeToString())
-    aside.replace(path)
+    return bytes(model.SerializeToString())

@@ -27,11 +27,23 @@ OTHER_SCORE = (
 
 def is_evaluated(place: Path, done: int) -> bool:
     """Whether what a run had learned after `done` decisions has been evaluated and written."""
+    return _evaluated_steps(place) == done
+
+
+def has_gone_on(place: Path, settings: Settings) -> bool:
+    """Whether a run has learned since its policy was written: it is running, or was killed."""
+    written = _evaluated_steps(place)
+    if written is None or not (place / LATEST).exists():
+        return False  # a part of a run, such as a policy that was sent with its learner
+    return written < elapsed_in(place / LATEST, settings).done
+
+
+def _evaluated_steps(place: Path) -> int | None:
+    """Return after how many decisions a run was evaluated and written, None if it was not."""
     try:
-        found = json.loads((place / EVALUATION).read_text(encoding="utf-8"))
-        return bool(found["steps"] == done)
+        return int(json.loads((place / EVALUATION).read_text(encoding="utf-8"))["steps"])
     except (OSError, ValueError, TypeError, KeyError):
-        return False
+        return None
 
 
 def is_complete(place: Path, settings: Settings) -> bool:

@@ -93,16 +93,16 @@ def train(
         begin_with_policy(policy_path(settings.warm_start.policy), learner, world)
     if resume:
         best_score = restored(settings, place, learner, world, budget, say)
-    known = _learned_on(settings)
-    if known:
+    if known := _learned_on(settings):
         say(f"evaluation.final: {', '.join(known)}: {LEARNED_ON}")
     played = SelfPlay(settings, place, world, budget.done) if settings.self_play.seats else None
-    folder.begin(place, settings)
     log = place / "tensorboard" / "race" if tensorboard else None
     callback = TrainingCallback(settings, place, world, budget, tell, best_score, played, log)
     callback.init_callback(learner)
+    done = budget.done
     try:
-        stopped, diverged = _learned(settings, place, learner, world, callback, say)
+        with folder.begun(place, settings, lambda: budget.done > done):
+            stopped, diverged = _learned(settings, place, learner, world, callback, say)
         budget.stop()
         told = {
             "steps": budget.done,
@@ -248,8 +248,7 @@ def _conclude(
         )
     marks = examiner.examine(policy.decide)
     examiner.close()
-    document = folder.write_evaluation(
-        place,
+    document = folder.evaluation_of(
         marks,
         {
             "score": callback.best_score,
@@ -266,6 +265,7 @@ def _conclude(
     curve.draw(place / CURVE, place / "curve.png", settings.title or place.name)
     _film(settings, place, marks, say)
     folder.write_readme(place, settings, marks, document)
+    folder.write_evaluation(place, document)
     return marks, document
 
 

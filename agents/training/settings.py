@@ -105,9 +105,8 @@ class SelfPlaySettings(Table):
 class Episode(Table):
     """Where an episode begins and ends."""
 
-    steps: int = Field(
-        default=1200, ge=0
-    )  # decisions until it is cut off; 0: the rules alone end it
+    # Decisions until it is cut off; 0: the rules alone end it.
+    steps: int = Field(default=1200, ge=0, lt=2**31)
     # Share of the races that begin at random places; true is all of them.
     random_start: float = Field(default=1.0, ge=0.0, le=1.0)
     random_grid: bool = False  # every race has a random order on the grid

@@ -8,12 +8,16 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from race_agents.training.algorithm_options import check_options
 from race_agents.training.settings import LEARNER, PLANNER, Settings
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
 
 ON_POLICY = ("ppo", "ppo-sb3", "mappo", "poca")
+# What a policy can be measured by, under `goal`.
+RACE_GOALS = {"speed", "crash_rate", "best_lap_s"}
+LOT_GOALS = {"parked", "aligned", "hits"}
 PRESETS = Path(__file__).parent / "presets"
 
 Words = dict[str, Any]
@@ -60,6 +64,8 @@ def settings_of(words: Words, source: str) -> Settings:
         raise ScenarioError(
             f"{source}: minutes = {settings.minutes}, steps = {settings.steps}: give one of the two"
         )
+    check_options(settings.algorithm.options, source)
+    _check_use(settings, source)
     _check_seats(settings, source)
     if settings.race.learners > settings.race.karts:
         raise ScenarioError(
@@ -82,6 +88,21 @@ def settings_of(words: Words, source: str) -> Settings:
     return settings
 
 
+def _check_use(settings: Settings, source: str) -> None:
+    """Refuse what would show only at the end that it fits nothing."""
+    seconds, decision_s = settings.evaluation.seconds, settings.decision_s
+    if settings.base and settings.action != "residual":
+        raise ScenarioError(
+            f"{source}: base = {settings.base!r} with action = {settings.action!r}: only residual "
+            "actions advise a driver; leave base out"
+        )
+    if not settings.parks and seconds < decision_s:
+        raise ScenarioError(
+            f"{source}: evaluation.seconds = {seconds:g}: no decision is made in them; give "
+            f"{decision_s:g} or more"
+        )
+
+
 def _check_seats(settings: Settings, source: str) -> None:
     seats, race = settings.self_play.seats, settings.race
     learners = seats.count(LEARNER)
@@ -96,7 +117,10 @@ def _check_discipline(settings: Settings, source: str) -> None:
     """Refuse what only races have in a lot, and the reverse, before it is ignored."""
     parks, where = settings.parks, f"parking.lots = {list(settings.parking.lots)}"
     score, teacher = settings.evaluation.score, settings.warm_start.teacher
+    goals = LOT_GOALS if parks else RACE_GOALS
+    strange = sorted(set(settings.goal.model_dump(exclude_none=True)) - goals)
     wrong = {
+        f"goal.{', goal.'.join(strange)}: choose {', '.join(sorted(goals))}": bool(strange),
         f"evaluation.score = {score!r}: choose success or return": parks and score == "speed",
         "evaluation.score = 'success': choose speed or return": not parks and score == "success",
         "self_play.seats: name race.opponents instead": parks and bool(settings.self_play.seats),

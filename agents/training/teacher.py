@@ -17,6 +17,7 @@ from race_agents.training.warm_start_settings import WarmStart
 from race_server.core.clock import TICK_S
 from race_server.core.driver import driver_named
 from race_server.core.kernel_driver import ASIDE, FETCH, PRESSED, SHIFT, memory_size
+from race_server.core.messages import Button
 from race_server.core.observation import PARTS, layout_of
 from race_server.core.rules.items import items
 from race_server.core.state import Floats
@@ -153,7 +154,8 @@ def actions_of(controls: Floats, kind: int, speeds: Floats) -> Labels:
         return np.stack([drive, steering], axis=1).astype(np.float32)
     braking = np.where(speeds > REVERSE_BELOW, -brake, 0.0)
     drive = np.where(brake > 0.0, braking, throttle)
-    return np.stack([drive, steering, buttons > 0.0], axis=1).astype(np.float32)
+    uses_item = buttons.astype(np.int64) & Button.USE_ITEM
+    return np.stack([drive, steering, uses_item], axis=1).astype(np.float32)
 
 
 def controls_of(actions: NDArray[np.float32], kind: int) -> Floats:

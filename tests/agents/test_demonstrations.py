@@ -1,6 +1,7 @@
 """Demonstrations: kept in files, read safely, and learned from."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,11 @@ def test_foreign_and_damaged_files_are_refused_in_one_sentence(
     refused("version 9, this program reads", about=np.array(json.dumps({**words, "version": 9})))
     refused("parts", about=np.array(json.dumps({**words, "parts": ["sonar"]})))
     refused("driver = 3", about=np.array(json.dumps({**words, "driver": 3})))
-    for interval in (0.0, -0.05, float("nan")):
+    for interval in (0.0, -0.05, 1e-320, float("nan")):
         about = json.dumps({**words, "decision_s": interval})
         refused("decision_s = .* is not valid", about=np.array(about))
+    strange = json.dumps({**words, "lidar_field": float("nan")})
+    refused("lidar_field = nan is not valid", about=np.array(strange))
     refused("damaged", about=np.array("{"))
     refused("damaged", observations=np.array([{"an": "object"}], object))
     refused("n above zero", controls=good["controls"][:-1])
@@ -81,6 +84,25 @@ def test_foreign_and_damaged_files_are_refused_in_one_sentence(
         read_demonstrations(path)
     with pytest.raises(RecordingError, match="no such file"):
         read_demonstrations(tmp_path / "none.npz")
+
+
+def test_controls_are_taken_within_their_limits(shown: Demonstrations, tmp_path: Path) -> None:
+    """As the world takes them; and to accept a rescue is not to use an item."""
+    controls = shown.controls.copy()
+    controls[:4, 0] = 1e30
+    controls[:4, 3] = [0.0, 1.0, 2.0, 3.0]
+    write_demonstrations(tmp_path / "laps.npz", replace(shown, controls=controls))
+    _, actions = pairs_for(settings(), tmp_path / "laps.npz")
+    assert actions[:4, 1].tolist() == [1.0] * 4
+    assert actions[:4, 2].tolist() == [0.0, 1.0, 0.0, 1.0]
+
+
+def test_demonstrations_without_a_speed_are_refused(shown: Demonstrations, tmp_path: Path) -> None:
+    seen = shown.observations[:, :201].copy()
+    blind = replace(shown, about=replace(shown.about, parts=("lidar",)), observations=seen)
+    write_demonstrations(tmp_path / "laps.npz", blind)
+    with pytest.raises(ScenarioError, match="shows no 'speed', by which a pedal brakes"):
+        pairs_for(settings("observation=['lidar']"), tmp_path / "laps.npz")
 
 
 def test_demonstrations_of_another_vehicle_are_refused(

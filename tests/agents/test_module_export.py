@@ -10,6 +10,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
+from race_agents.policies.session import Policy
 from race_agents.training.module_export import adopt_onnx, export_module, metadata_of_task
 from race_server.core.driver import driver_named
 from race_server.envs.batch import Batch
@@ -122,6 +123,66 @@ def test_an_onnx_file_from_elsewhere_becomes_a_policy(tmp_path: Path) -> None:
     policy = adopt_onnx(tmp_path / "theirs.onnx", tmp_path / "ours.onnx", TASK)
     seen = np.ones((2, SIZE), np.float32)
     assert policy.decide(seen) == pytest.approx(np.tanh(seen @ weights + 0.5), abs=1e-5)
+
+
+def adopted(path: Path, nodes: list[Any], answer: str, **more: Any) -> Policy:
+    """Adopt a file of these operators, which take `obs` and the constant `w` of ones."""
+    ends = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", columns])
+        for name, columns in (("obs", SIZE), (answer, 3), *more.pop("inputs", ()))
+    ]
+    kept = numpy_helper.from_array(np.ones((SIZE, 3), np.float32), "w")
+    graph = helper.make_graph(nodes, "main", [ends[0], *ends[2:]], [ends[1]], [kept])
+    opset = helper.make_opsetid("", 17)
+    onnx.save(helper.make_model(graph, opset_imports=[opset], **{"ir_version": 8, **more}), path)
+    return adopt_onnx(path, path.with_name("ours.onnx"), TASK)
+
+
+def test_names_in_an_onnx_file_from_elsewhere_do_not_matter(tmp_path: Path) -> None:
+    """Here `action` is not yet limited, and `observation` is normalised; and `w` is an input."""
+    nodes = [
+        helper.make_node("Constant", [], ["action_2"], value_float=10.0),
+        helper.make_node("Div", ["obs", "action_2"], ["observation"]),
+        helper.make_node("MatMul", ["observation", "w"], ["action"]),
+        helper.make_node("Tanh", ["action"], ["limited"]),
+    ]
+    policy = adopted(tmp_path / "theirs.onnx", nodes, "limited", inputs=[("w", 3)])
+    seen = np.ones((1, SIZE), np.float32)
+    assert policy.decide(seen) == pytest.approx(np.full((1, 3), np.tanh(SIZE / 10.0)), abs=1e-5)
+
+
+def test_an_onnx_file_that_is_not_valid_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    multiply = helper.make_node("MatMul", ["obs", "w"], ["h"])
+    word = [helper.make_node("Constant", [], ["word"], value_string="x"), multiply]
+    with pytest.raises(ScenarioError, match="a constant of it is no table"):
+        adopted(tmp_path / "theirs.onnx", word, "h")
+    with pytest.raises(ScenarioError, match="is not valid: Your model ir_version 99 is higher"):
+        adopted(tmp_path / "theirs.onnx", [multiply], "h", ir_version=99)
+
+
+def test_what_is_refused_leaves_the_file_that_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "it.onnx"
+    export_module(path, Actor(), TASK)
+    before = path.read_bytes()
+    for answers in (4, 1):
+        with pytest.raises((DriverError, ScenarioError)):
+            export_module(path, Actor(answers), TASK)
+    assert path.read_bytes() == before
+    foreign_file(path, "Det")
+    before = path.read_bytes()
+    with pytest.raises((DriverError, ScenarioError), match="Det"):
+        adopt_onnx(path, path, TASK)  # in its place
+    assert path.read_bytes() == before
+
+
+def test_a_batch_normalisation_is_that_of_what_it_has_learned(tmp_path: Path) -> None:
+    layer = nn.BatchNorm1d(SIZE, momentum=None)
+    layer(torch.randn(100, SIZE) * 3.0 + 200.0)
+    module = nn.Sequential(layer, nn.Linear(SIZE, 3), nn.Tanh())
+    seen = np.full((1, SIZE), 201.0, np.float32)
+    found = export_module(tmp_path / "it.onnx", module, TASK).decide(seen)
+    with torch.no_grad():
+        assert found == pytest.approx(module(torch.as_tensor(seen)).numpy(), abs=1e-5)
 
 
 def test_an_onnx_file_with_other_operators_is_refused_and_leaves_nothing(tmp_path: Path) -> None:

@@ -55,11 +55,27 @@ def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
         ("race.learners=3", "race.learners = 3 with race.karts = 1: give at least as many karts"),
         ("network.layers=[0]", "network.layers.0 = 0: input should be greater than 0"),
         ("seed=5000000000", "seed = 5000000000: input should be less than 2147483648"),
+        ("algorithm.options.gamma=x", "algorithm.options.gamma = 'x': give a number from 0 to 1"),
+        ("algorithm.options.gamma=nan", "gamma = nan: give a number from 0 to 1"),
+        ("algorithm.options.n_epochs=0", "n_epochs = 0: give a whole number from 1 on"),
+        ("algorithm.options.batch_size=1.5", "batch_size = 1.5: give a whole number"),
+        ("algorithm.options.use_sde=3", "use_sde = 3: give true or false"),
+        ("algorithm.options.train_freq=[0, 'step']", "train_freq = .* give a whole number"),
+        ("goal.parked=0.9", "with parking.lots = .*, goal.parked: choose best_lap_s, crash_rate"),
+        ("base=raceline", "base = 'raceline' with action = 'continuous': only residual"),
+        ("evaluation.seconds=0.01", "evaluation.seconds = 0.01: no decision is made in them"),
+        ("episode.steps=5000000000", "episode.steps = 5000000000: input should be less than"),
     ],
 )
 def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         read_settings("time-trial-ppo", [change])
+
+
+def test_a_goal_of_races_is_none_in_a_lot() -> None:
+    """It would count as reached at the first evaluation, and end the training."""
+    with pytest.raises(ScenarioError, match=r"goal.speed: choose aligned, hits, parked"):
+        read_settings("parking-1", ["goal.speed=3.0"])
 
 
 @pytest.mark.parametrize(

@@ -129,6 +129,8 @@ def test_an_action_of_no_agent_is_refused_and_one_of_an_agent_that_is_done_is_no
     race.reset(seed=1)
     with pytest.raises(ScenarioError, match="action of 'kart_9': choose of kart_0, kart_1"):
         race.step({"kart_9": np.zeros(3)})
+    with pytest.raises(ScenarioError, match="action of 'kart_9'"):
+        race.step({"kart_0": np.zeros(3), "kart_9": np.zeros(3)})  # in place of kart_1's
     race.agents = ["kart_1"]
     race.step({"kart_0": np.zeros(3), "kart_1": np.zeros(3)})
 
