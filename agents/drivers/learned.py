@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from race_agents.planning.line_policy import foresee_for_all, remember_for_all
+from race_agents.planning.scan_policy import limit_all
 from race_agents.policies.metadata import PolicyMetadata, preset_for
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
@@ -47,9 +48,9 @@ SPEED = PART_NUMBERS["speed"]
 LIGHTS = PART_NUMBERS["lights"]
 FINISHED = PART_NUMBERS["finished"]
 RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
-# A policy that drives by the speeds of the line is helped as the drivers on the line are; for that
-# more is looked at than it sees.
-LINE_SPEED, LINE_SEES = "line_speed_ahead", "line"
+# A policy that drives by the speeds of the line is helped as the drivers on the line are, and one
+# whose file has a limit by the scan as `follow_gap` is; for that more is looked at than it sees.
+LINE_SPEED, LINE_SEES, SCAN_SEES = "line_speed_ahead", "line", "lidar"
 # Parts that tell a policy where its slot is.
 SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
 
@@ -72,6 +73,8 @@ class Learned:
         self._base = driver_named(nature.base) if nature.base else None
         self._is_helped = self._base is None and LINE_SPEED in nature.parts
         more: tuple[str, ...] = PRESETS[LINE_SEES] if self._is_helped else ()
+        if nature.scan_limit:
+            more = PRESETS[SCAN_SEES]
         if self._base is not None:
             more = PRESETS[self._base.preset]
         self.preset = preset_for(nature, self.policy.name, more)
@@ -150,7 +153,7 @@ class Learned:
             vehicle_record(told.vehicle).reshape(1, 1),
             np.array([told.lidar_field, told.lidar_reach, self.policy.metadata.decision_s]),
             item_uses_of(told.items),
-            np.zeros((1, 1, memory_size(0))),
+            np.zeros((1, 1, memory_size(int(offsets_of(layout)[-1])))),
             self._controls,
         )
         self._drive = self.driving(cockpits, layout)
@@ -183,6 +186,14 @@ class Learned:
             actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
             command_all(self._kind, cockpits, actions, self._table)
 
+        if share := self.policy.metadata.scan_limit:
+            limit = bind(limit_all, cockpits, share)
+
+            def drive_limited() -> None:
+                drive()
+                limit()
+
+            return drive_limited
         if not self._is_helped:
             return drive
         foresee, remember = bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)

@@ -10,10 +10,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
-from race_agents.drivers.follow_gap import MOUNT, FollowGap
+from race_agents.drivers.follow_gap import FollowGap
 from race_agents.drivers.raceline import Raceline
 from race_agents.planning.charted_course import Chart, ask_chart
 from race_agents.planning.drive_survey import CELL, PATIENCE, STILL
+from race_agents.planning.gap_way import MOUNT
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning
 from race_agents.planning.line_view import LAYOUT, LineView
 from race_agents.planning.wall_map import Scan, WallMap, compose, read_scan

@@ -19,7 +19,6 @@ What differs here, and why:
 
 import math
 
-from race_agents.drivers.follow_gap import middle_of_gap, nearest_deepest
 from race_agents.drivers.tentacle_search import (
     ARCS,
     BENDS,
@@ -37,6 +36,7 @@ from race_agents.drivers.tentacle_search import (
     wall_along,
 )
 from race_agents.planning.driven_way import NONE, rays_across, remember_way, shut, wall_off
+from race_agents.planning.gap_way import middle_of_gap, nearest_deepest
 from race_agents.planning.scan import age_of_scan, fill_dropouts, widen_edges
 from race_agents.planning.tactics import SPEED, finish_decision, press_pedals
 from race_agents.planning.turn_back import SIDE as BACK_TO

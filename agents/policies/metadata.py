@@ -24,7 +24,9 @@ LATER: Mapping[str, Any] = {
     "lots": (),
     "level": "",
     "more_vehicles": (),
+    "scan_limit": 0.0,
 }
+MOST_SCAN_LIMIT = 10.0
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class PolicyMetadata:
     lots: tuple[str, ...] = ()  # on which it learned to park; then there are no tracks
     level: str = ""  # how well it had to park, if not as each lot says
     more_vehicles: tuple[str, ...] = ()  # with which it learned as well
+    scan_limit: float = 0.0  # it brakes beyond this share of the speed of `follow_gap`; 0: never
     version: int = VERSION
 
     @property
@@ -136,6 +139,13 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
         )
     if ":" in metadata.base:  # such as a policy, which could name itself
         raise DriverError(f"{name}: base {metadata.base!r} takes no advice; export it again")
+    if not 0.0 <= metadata.scan_limit <= MOST_SCAN_LIMIT or (
+        metadata.scan_limit and ("lidar" not in metadata.parts or metadata.base or metadata.lots)
+    ):
+        raise DriverError(
+            f"{name}: scan_limit = {metadata.scan_limit:g}: it is for policies that race by a "
+            f"lidar, without a base driver, from 0 to {MOST_SCAN_LIMIT:g}; export it again"
+        )
     if not TICK_S <= metadata.decision_s <= MOST_DECISION_S:
         raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")
     if not 0 <= metadata.lidar_rays <= MOST_RAYS:

@@ -159,6 +159,7 @@ def metadata_from(settings: Settings, courses: tuple[str, ...]) -> PolicyMetadat
         settings=digest_of(settings),
         simulator=__version__,
         base=settings.base,
+        scan_limit=settings.scan_limit or 0.0,
     )
 
 

@@ -225,6 +225,9 @@ class Settings(Table):
     more_vehicles: tuple[str, ...] = ()
     observation: str | tuple[str, ...] = ("lidar", "lidar_before", "speed", "steering")
     action: ActionName = "continuous"
+    # In races and exams the policy brakes beyond this share of the speed of `follow_gap`; it learns
+    # without that.
+    scan_limit: float | None = Field(default=None, gt=0.0, le=10.0)
     simulator: str = ""  # that moves the vehicles: highway-env; empty: our own
     base: str = ""  # the driver that residual actions advise
     # Observations are clipped to this before they are normalised: without a kart nearby the

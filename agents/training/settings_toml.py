@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from race_agents.training.algorithm_options import check_options
 from race_agents.training.settings import LEARNER, PLANNER, Settings
+from race_server.core.observation import layout_of
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
@@ -95,6 +96,12 @@ def _check_use(settings: Settings, source: str) -> None:
         raise ScenarioError(
             f"{source}: base = {settings.base!r} with action = {settings.action!r}: only residual "
             "actions advise a driver; leave base out"
+        )
+    sees = layout_of(settings.observation, settings.lidar.rays).slices
+    if settings.scan_limit and (settings.parks or settings.base or "lidar" not in sees):
+        raise ScenarioError(
+            f"{source}: scan_limit = {settings.scan_limit:g}: it is for policies that race by a "
+            "lidar, without a base driver; leave it out"
         )
     if not settings.parks and seconds < decision_s:
         raise ScenarioError(

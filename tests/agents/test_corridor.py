@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from race_agents.drivers.follow_gap import bend_to
 from race_agents.planning.corridor import WIDTH, Walls, find_gates, largest_edge, write_gate
+from race_agents.planning.gap_way import bend_to
 from race_agents.planning.path_smoothing import (
     BEND,
     CHANGE,

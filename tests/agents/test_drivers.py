@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from race_agents.drivers.avoider import avoid
-from race_agents.drivers.follow_gap import middle_of_gap
+from race_agents.planning.gap_way import middle_of_gap
 from race_agents.planning.scan import fill_dropouts, smooth_walls, widen_edges
 from race_agents.planning.tracking import spare_rear
 from race_server.core.driver import Briefing, driver_named, driver_names

@@ -25,8 +25,10 @@ from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError
+from race_server.scenario.race import Scenario
 from support.briefings import briefing
-from support.trainings import QUICK, side_by_side
+from support.courses import SMALL_RING
+from support.trainings import QUICK, side_by_side, write_lapping_policy
 
 GEAR = np.array([np.radians(200.0), 8.0, 0.05])
 BRIEFING = briefing("lidar", lidar_field=np.radians(200.0))
@@ -36,7 +38,7 @@ def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() 
     path = SHIPPED / "time-trial.onnx"
     assert path.stat().st_size < 1_000_000
     metadata = Policy(path).metadata
-    assert metadata.parts == ("lidar", "lidar_before", "speed", "steering")
+    assert metadata.parts == ("lidar", "lidar_before", "speed", "yaw_rate", "steering")
     assert metadata.vehicle == "tt02"
 
 
@@ -75,6 +77,25 @@ def test_a_policy_drives_many_karts_of_a_batch_as_it_drives_one(policy_file: Pat
         batch.step(np.zeros((2, 1, 4)))
         assert batch.buffers.controls[1, 2] == pytest.approx(own, abs=1e-6)
     assert batch.world.bodies[1, 2].speed > 0.1
+
+
+@pytest.mark.parametrize(
+    ("share", "least", "most"), [(0.0, 2.8, 3.2), (10.0, 2.8, 3.2), (0.2, 0.2, 1.5)]
+)
+def test_a_limit_by_the_scan_brakes_a_policy_that_is_faster_than_it_can_see(
+    share: float, least: float, most: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "three-metres-a-second.onnx"
+    write_lapping_policy(path)
+    driver = Learned(str(path))
+    driver.policy.metadata = replace(driver.policy.metadata, scan_limit=share)
+    scenario = Scenario(SMALL_RING, karts=1, rules=LEARNING_RULES)
+    batch = Batch(task_on((scenario,), observation="lidar", action="control"), seed=1)
+    driver.reset(BRIEFING)
+    for step in range(100):
+        seen = Observation(3 * step, batch.layout, batch.observations[0, 0].copy())
+        batch.step(numbers_of(driver.act(seen)))
+    assert least < batch.world.bodies[0, 0].speed < most
 
 
 def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
@@ -127,6 +148,8 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
         ({"decision_s": 0}, "decides every 0 s"),
         ({"decision_s": 1e-9}, "decides every 1e-09 s"),
         ({"lidar_rays": 10**9}, "1000000000 rays, at most 2048"),
+        ({"scan_limit": -1.0}, "scan_limit = -1: it is for policies that race by a lidar"),
+        ({"scan_limit": 1.2, "base": "idm", "action": "residual"}, "scan_limit = 1.2: it is for"),
         ({"action": "residual", "base": f"learned:{bad}"}, "takes no advice"),
     ):
         onnx.helper.set_model_props(model, {KEY: json.dumps({**words, **change})})

@@ -63,6 +63,7 @@ def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
         ("algorithm.options.train_freq=[0, 'step']", "train_freq = .* give a whole number"),
         ("goal.parked=0.9", "with parking.lots = .*, goal.parked: choose best_lap_s, crash_rate"),
         ("base=raceline", "base = 'raceline' with action = 'continuous': only residual"),
+        ("scan_limit=-1", "scan_limit = -1: input should be greater than 0"),
         ("evaluation.seconds=0.01", "evaluation.seconds = 0.01: no decision is made in them"),
         ("episode.steps=5000000000", "episode.steps = 5000000000: input should be less than"),
     ],
@@ -70,6 +71,12 @@ def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
 def test_a_wrong_setting_is_named_with_its_value(change: str, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         read_settings("time-trial-ppo", [change])
+
+
+def test_a_limit_by_the_scan_is_for_policies_that_race_by_a_lidar() -> None:
+    changes = ["scan_limit=1.1", "observation=['speed', 'steering']"]
+    with pytest.raises(ScenarioError, match=r"scan_limit = 1.1: it is for policies that race"):
+        read_settings("time-trial-ppo", changes)
 
 
 def test_a_goal_of_races_is_none_in_a_lot() -> None:

@@ -30,7 +30,8 @@ def set_named(name: str) -> list[str]:
         raise ScenarioError(f"track set {name!r} is unknown; choose one of {', '.join(sets)}")
     table = sets[name]
     first = table.get("first_seed", 0)
-    names = [*(set_named(table["set"]) if "set" in table else ()), *table.get("tracks", [])]
+    inner = [one for part in table.get("sets", []) for one in set_named(part)]
+    names = [*inner, *table.get("tracks", [])]
     scale = f":{table['scale']}" if "scale" in table else ""
     for kind in ("block", "spline", "circuit"):
         numbers = range(first, first + table.get(f"{kind}s", 0))
