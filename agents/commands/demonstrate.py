@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from race_agents.training.demonstrations import Demonstrations
 
 
+# Options of laps that are driven now.
+_OF_DRIVING = ("tracks", "laps", "vehicle", "seed", "noise")
+
+
 def demonstrate(
+    context: typer.Context,
     driver: Annotated[
         str, typer.Argument(help="Installed driver, such as raceline; not with --recording.")
     ] = "",
@@ -63,6 +68,8 @@ def demonstrate(
         raise ScenarioError(f"--tracks {tracks!r}: name one track or more")
     if bool(driver) == (recording is not None):
         raise ScenarioError(f"driver {driver!r}, --recording {recording}: give one of the two")
+    if recording is not None:
+        _refuse_driving(context)
     check_place(out)
     if recording is not None and out.resolve() == recording.resolve():
         raise ScenarioError(
@@ -80,6 +87,17 @@ def demonstrate(
         driven, contacts = laps, sum(run.crashes for run in runs)
     write_demonstrations(out, shown)
     _show(out, shown, driven, contacts, as_json=as_json)
+
+
+def _refuse_driving(context: typer.Context) -> None:
+    """Raise an error where an option of driving stands beside a recording."""
+    for name in _OF_DRIVING:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise ScenarioError(
+                f"--{name} {context.params[name]}: is of laps driven now, and --recording takes "
+                "those of a recording; leave one of the two out"
+            )
 
 
 def _show(out: Path, shown: "Demonstrations", laps: int, contacts: int, *, as_json: bool) -> None:

@@ -6,6 +6,7 @@ What comes out is checked as every policy is: it holds operators of one list onl
 
 import operator
 from collections.abc import Callable
+from copy import deepcopy
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -81,7 +82,8 @@ def export_module(path: Path, module: nn.Module, task: Task, algorithm: str = "o
             answers otherwise than it.
     """
     metadata = metadata_of_task(task, algorithm)
-    module = module.to("cpu").eval()
+    # A file is in single precision; that of the module stays as it is.
+    module = deepcopy(module.eval()).to("cpu", torch.float32)
     graph = OnnxGraph()
     try:
         traced = fx.symbolic_trace(nn.Sequential(module))

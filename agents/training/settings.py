@@ -1,8 +1,8 @@
 """All settings that the result of a training depends on, in frozen structures."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveInt
+from pydantic import Field
 
 from race_agents.training.parking_settings import HurlSettings, ParkingSettings
 from race_agents.training.policy_settings import PolicySettings
@@ -18,6 +18,9 @@ DECISION_TICKS = 3  # in a live race
 FRESH_SEEDS = 100_000  # offset of the seeds of the last evaluation from those that chose the policy
 GAMMA = 0.99  # of all algorithms, unless `algorithm.options.gamma` says otherwise
 Range = tuple[float, float]
+# Sizes of the hidden layers; larger ones than these fill a memory before they learn.
+Width = Annotated[int, Field(gt=0, le=8192)]
+Layers = Annotated[tuple[Width, ...], Field(min_length=1, max_length=32)]
 
 ActionName = Literal[
     "continuous",
@@ -48,7 +51,7 @@ class Algorithm(Table):
 class Network(Table):
     """The network of the actor; that of the critic has the same layers."""
 
-    layers: tuple[PositiveInt, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = (64, 64)
     activation: Literal["tanh", "relu"] = "tanh"
     log_std: float = -1.0  # PPO: logarithm of the first deviation of the actions
     # PPO: at the end. With it the deviation falls evenly; without it, it is learned.
@@ -190,7 +193,7 @@ class Gail(Table):
     demonstrations: File = ""  # a file of `race demonstrate`
     scale: float = Field(default=1.0, gt=0.0)
     own_share: float = Field(default=0.0, ge=0.0)  # of the race's own reward that stays
-    layers: tuple[PositiveInt, ...] = Field(default=(64, 64), min_length=1)
+    layers: Layers = (64, 64)
     learning_rate: float = Field(default=3e-4, gt=0.0)
     decisions: int = Field(default=16, ge=1)  # of each kart between lessons of the discriminator
     lessons: int = Field(default=4, ge=1)

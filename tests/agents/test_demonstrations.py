@@ -128,3 +128,11 @@ def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> N
     _, said = imitate(wanted)
     errors = [float(word.strip(",")) for word in said[-1].split()[-3:]]
     assert errors[1] < 0.1
+
+
+@pytest.mark.parametrize("option", ["--noise 0.2", "--laps 9", "--tracks oval", "--seed 2"])
+def test_options_of_driving_are_refused_beside_a_recording(option: str, tmp_path: Path) -> None:
+    words = ["demonstrate", "--recording", str(tmp_path / "race.mcap"), *option.split()]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 2 or isinstance(told.exception, ScenarioError)
+    assert f"{option}: is of laps driven now" in str(told.exception) + told.output

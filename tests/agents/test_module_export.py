@@ -53,6 +53,16 @@ def test_a_module_becomes_a_policy_that_drives_and_answers_like_it(tmp_path: Pat
     assert policy.metadata.algorithm == "mine"
 
 
+def test_a_module_in_double_precision_becomes_a_policy_and_stays_as_it_is(tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    module = Actor().double()
+    policy = export_module(tmp_path / "mine.onnx", module, TASK, "mine")
+    assert module.last.weight.dtype == torch.float64
+    seen = Batch(TASK, seed=3).observations[0].copy()
+    again = export_module(tmp_path / "single.onnx", module.float(), TASK, "mine")
+    assert policy.decide(seen) == pytest.approx(again.decide(seen))
+
+
 def test_merits_of_discrete_actions_become_the_best_of_them(tmp_path: Path) -> None:
     task = ring_task(1, observation="radar", action="discrete")
     policy = export_module(tmp_path / "it.onnx", Actor(15), task)

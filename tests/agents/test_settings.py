@@ -53,6 +53,10 @@ def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
         ("algorithm.name=dqn", "dqn needs discrete actions"),
         ("gap.mass=[1.0]", "gap.mass"),
         ("race.learners=3", "race.learners = 3 with race.karts = 1: give at least as many karts"),
+        (
+            "network.layers=[100000]",
+            "network.layers.0 = 100000: input should be less than or equal to 8192",
+        ),
         ("network.layers=[0]", "network.layers.0 = 0: input should be greater than 0"),
         ("seed=5000000000", "seed = 5000000000: input should be less than 2147483648"),
         ("algorithm.options.gamma=x", "algorithm.options.gamma = 'x': give a number from 0 to 1"),

@@ -273,7 +273,7 @@ def test_no_server_and_no_seat_say_so() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"reward": "report_b"}, "reward term 'report_b' cannot be known from .*'track'"),
+        ({"reward": "report_b"}, "reward term 'range' cannot be known from .*'track'"),
         ({"reward": {"lead": 1.0}}, "'lead' cannot be known .*'track': choose another reward"),
         (
             {"reward": {"range": 1.0}},

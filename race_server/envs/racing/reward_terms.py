@@ -19,7 +19,7 @@ TERMS: Mapping[str, str] = MappingProxyType(
     {
         "progress": "distance gained along the centre line [m]",
         "speed": "forward speed [m/s]",
-        "range": "nearest lidar range [m]; only measured where it or `report_b` has a weight, or "
+        "range": "nearest lidar range [m], 0 once out; only measured where it has a weight, or "
         "`crash_range` is set",
         "crash": "1 if the kart crashed and is out",
         "contact": "contacts with other karts that began",
@@ -31,9 +31,6 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "lap": "laps completed",
         "finish": "1 if the kart finished its race",
         "time": "1, always",
-        # Report of the 1/10 race, 2023: -300 at a crash, else 12 times the nearest range [m] plus
-        # 3 times the speed [m/s].
-        "report_b": "12 · nearest range + 3 · speed, or -300 at a crash",
         "lead": "gain in the sum over all rivals of how far ahead of them the kart is, each from "
         "-1 to 1: by distance while both race, half of it at 10 lengths, then by place; only "
         "measured where it has a weight",
@@ -53,15 +50,14 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
             "off_track": -0.2,
             "finish": 10.0,
         },
-        "report_b": {"report_b": 1.0},
+        # Report of the 1/10 race, 2023: -300 at a crash, else 12 times the nearest range plus 3
+        # times the speed, printed without units.
+        "report_b": {"range": 12.0, "speed": 3.0, "crash": -300.0},
     }
 )
 
 PROGRESS, SPEED, RANGE, CRASH, CONTACT, WALL, WRONG_WAY, OFF_TRACK = range(8)
-PLACES, ITEM, LAP, FINISH, TIME, REPORT_B, LEAD = range(8, 15)
-
-REPORT_B_CRASH = -300.0
-REPORT_B_RANGE, REPORT_B_SPEED = 12.0, 3.0
+PLACES, ITEM, LAP, FINISH, TIME, LEAD = range(8, 14)
 
 # A kart that is this many lengths ahead of a rival counts half as much as one far ahead: about a
 # second.
@@ -132,11 +128,7 @@ def judge(world: World, buffers: Buffers, w: int, k: int) -> bool:
     """
     settings = buffers.settings[0]
     near = math.inf
-    if (
-        settings.crash_range > 0.0
-        or buffers.weights[RANGE] != 0.0
-        or buffers.weights[REPORT_B] != 0.0
-    ):
+    if settings.crash_range > 0.0 or buffers.weights[RANGE] != 0.0:
         near = nearest_range(world, w, k)
     if near < settings.crash_range:
         retire(world, w, k, codes.CRASH)
@@ -158,7 +150,7 @@ def _measure(world: World, buffers: Buffers, w: int, k: int, near: float) -> Non
     crashed = body.status == codes.RETIRED and racer.retired_for == codes.CRASH
     terms[PROGRESS] = racer.distance - before.distance
     terms[SPEED] = body.speed
-    terms[RANGE] = near if near < math.inf else 0.0
+    terms[RANGE] = near if body.status == codes.RACING and near < math.inf else 0.0
     terms[CRASH] = 1.0 if crashed else 0.0
     terms[CONTACT] = racer.contacts - before.contacts
     terms[WALL] = racer.wall_contacts - before.wall_contacts
@@ -169,10 +161,6 @@ def _measure(world: World, buffers: Buffers, w: int, k: int, near: float) -> Non
     terms[LAP] = racer.laps - before.laps
     terms[FINISH] = 1.0 if body.status == codes.FINISHED else 0.0
     terms[TIME] = 1.0
-    terms[REPORT_B] = 0.0
-    if buffers.weights[REPORT_B] != 0.0:
-        fair = REPORT_B_RANGE * near + REPORT_B_SPEED * body.speed
-        terms[REPORT_B] = REPORT_B_CRASH if crashed else fair
     terms[LEAD] = lead_of(world, w, k) - before.lead if buffers.weights[LEAD] != 0.0 else 0.0
 
 

@@ -26,7 +26,7 @@ from race_server.net.wire.sheets import LOCKSTEP
 
 _TERMS = tuple(TERMS)
 # Observation parts that a term needs, where not every preset has them.
-_NEEDS = {"progress": "progress", "range": "lidar", "report_b": "lidar", "lead": "all karts"}
+_NEEDS = {"progress": "progress", "range": "lidar", "lead": "all karts"}
 
 
 class RemoteRace(KartAgents):

@@ -116,12 +116,8 @@ class RemoteKart:
         if "progress" in self.seat.layout.slices:
             gained = now("progress") - before("progress")
             terms[reward_terms.PROGRESS] = math.remainder(gained, course_length)
-        if "lidar" in self.seat.layout.slices:
-            terms[reward_terms.RANGE] = near = self._nearest_range()
-            fair = reward_terms.REPORT_B_RANGE * near + reward_terms.REPORT_B_SPEED * now("speed")
-            terms[reward_terms.REPORT_B] = (
-                reward_terms.REPORT_B_CRASH if terms[reward_terms.CRASH] else fair
-            )
+        if "lidar" in self.seat.layout.slices and not terms[reward_terms.CRASH]:
+            terms[reward_terms.RANGE] = self._nearest_range()
         return terms
 
     def _nearest_range(self) -> float:
