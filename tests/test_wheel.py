@@ -61,6 +61,7 @@ def test_a_wheel_holds_the_page(names: set[str]) -> None:
     assert any(name.startswith("race_server/live/gateway/page/assets/") for name in names)
 
 
+@pytest.mark.slow
 def test_a_wheel_built_from_the_sdist_holds_the_same_files(names: set[str], tmp_path: Path) -> None:
     build(ROOT, tmp_path, "sdist")
     (sdist,) = tmp_path.glob("*.tar.gz")

@@ -32,6 +32,9 @@ from race_server.errors import ScenarioError
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 
+# The kernels of costs take a minute to compile, and few other tests call them.
+pytestmark = pytest.mark.slow
+
 CAR = vehicle_named("car")
 GOAL = Pose(0.0, 0.0, 0.0)
 # A bay between walls, its end 1.2 m behind the rear axle, and an aisle before it.
@@ -62,13 +65,11 @@ def cost(x: float, y: float, degrees: float = 0.0, gear: int = BACK) -> float:
     return cost_to_go(bay().costs, GOAL, towed, gear)
 
 
-@pytest.mark.slow
 def test_straight_before_its_place_a_car_has_only_to_reverse() -> None:
     assert cost(3.0, 0.0) == pytest.approx(3.0, abs=0.5)
     assert choose(bay(), Towed(3.0, 0.0, 0.0, 0.0, 0.0), BACK)[:2] == (BACK, 0.0)
 
 
-@pytest.mark.slow
 def test_to_turn_round_first_costs_a_change_of_direction() -> None:
     assert cost(3.0, 0.0, gear=AHEAD) > cost(3.0, 0.0) + 2.0
 
@@ -159,7 +160,6 @@ def test_a_car_stops_well_within_its_level_and_stays_where_it_is_just_within(
     assert (stops, stays) == ([True, False, False], [True, True, False])
 
 
-@pytest.mark.slow
 def test_a_car_that_does_what_the_teacher_says_stands_in_the_bay(tmp_path: Path) -> None:
     batch = aisle(tmp_path)
     teacher, begun = GreedyTeacher(batch), np.ones((2, 1), np.bool_)

@@ -21,7 +21,11 @@ from race_server.scenario.track.load import load_course
 from race_server.second.simulator import simulator_named
 from support.courses import ring
 
-pytestmark = pytest.mark.skipif(not has_highway(), reason="highway-env is not installed")
+# Its kernels take a minute to compile, and no other test calls them.
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not has_highway(), reason="highway-env is not installed"),
+]
 
 ROAD = "highway:racetrack-v0:tenth"
 RULES = Rules(laps=0, items=False, countdown_s=0.0, limit_s=60.0)
@@ -52,7 +56,6 @@ def steer(batch: Batch, steering: float, throttle: float = 0.0) -> Any:
     return batch.world.bodies[0]
 
 
-@pytest.mark.slow
 def test_karts_are_where_its_vehicles_are_a_tenth_as_far() -> None:
     batch = road()
     bodies = steer(batch, 0.0)

@@ -19,7 +19,11 @@ from race_server.second.highway_options import HighwayOptions
 from race_server.second.similarity import Similarity
 from support.courses import ring
 
-pytestmark = pytest.mark.skipif(not has_highway(), reason="highway-env is not installed")
+# Its kernels take a minute to compile, and no other test calls them.
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not has_highway(), reason="highway-env is not installed"),
+]
 
 RULES = Rules(laps=0, items=False, countdown_s=0.0, limit_s=60.0)
 THERE = "highway-env"
@@ -153,7 +157,6 @@ def test_what_is_not_known_of_a_simulator_is_named(simulator: str, message: str)
     assert message in str(caught.value)
 
 
-@pytest.mark.slow
 def test_a_car_parks_there_by_our_rules() -> None:
     task = parking_task("face-to-face", action="control", simulator=THERE)
     batch = Batch(task, seed=1)
