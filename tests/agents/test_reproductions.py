@@ -25,6 +25,7 @@ from race_agents.reproductions.watch import mean_return
 from race_agents.reproductions.world import CHOICES, actions_of
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Goal, Tracks
+from race_server.envs.racing.reward_terms import REWARDS
 from race_server.errors import ScenarioError
 
 TINY = TrainingScale(
@@ -70,6 +71,7 @@ def test_every_report_has_its_reproductions() -> None:
         "report-b-algorithms",
         "report-b-observations",
         "report-b-time-trial",
+        "report-b-units",
         "report-a-curriculum",
         "report-a-karts",
         "report-a-parking-aids",
@@ -106,6 +108,15 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
 def test_a_lap_time_is_read_as_the_report_prints_it() -> None:
     assert seconds_of("1:03.74") == pytest.approx(63.74)
     assert seconds_of("none") is None
+
+
+def test_units_make_the_reward_of_the_1_10_race_four_others() -> None:
+    """12 for a share of 12 m is 1 for 1 m, and 3 for 1 km/h are 10.8 for 1 m/s."""
+    plan = reproduction_named("report-b-units")
+    rewards = [training.settings.reward for training in trainings_of(plan, plan.quick)]
+    paid = [(reward["range"], reward["speed"]) for reward in rewards if isinstance(reward, dict)]
+    assert paid == [(12.0, 3.0), (12.0, 10.8), (1.0, 3.0), (1.0, 10.8)]
+    assert rewards[0] == REWARDS["report_b"]
 
 
 # The table
