@@ -59,7 +59,7 @@ def append(path: Path, point: Point) -> None:
         if not head:
             table.writeheader()
         row = {
-            name: round(value, 6) if isinstance(value, float) else value
+            name: float(f"{value:.6g}") if isinstance(value, float) else value
             for name, value in asdict(point).items()
         }
         table.writerow(row)

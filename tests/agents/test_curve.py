@@ -64,3 +64,9 @@ def test_a_table_without_a_head_counts_as_none(content: bytes, tmp_path: Path) -
     assert not path.exists()
     curve.append(path, POINT)
     assert steps_in(path) == [300]
+
+
+def test_a_small_learning_rate_is_not_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    curve.append(path, curve.Point(1.0, 100, 10.0, 2.5e-7))
+    assert curve.read(path)[0]["learning_rate"] == 2.5e-7

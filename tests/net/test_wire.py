@@ -23,7 +23,6 @@ from race_server.net.wire import (
     lobby,
     parking,
     peer,
-    programme,
     rays,
     spectate,
     telemetry,
@@ -42,7 +41,6 @@ from support.messages import (
     ORDER,
     PARKED,
     PEER,
-    PROGRAMME,
     RAYS,
     STANDINGS,
     TELEMETRY,
@@ -363,24 +361,6 @@ def test_a_row_of_standings_comes_back_from_plain_data() -> None:
         assert Standing.of_json(json.loads(json.dumps(row.as_json()))) == row
 
 
-def test_of_an_event_that_is_too_large_for_a_message_the_newest_rows_come() -> None:
-    laps = tuple(
-        programme.DeletedLap(1 + lap // 16, 1 + lap % 16, "touched a border, left the course")
-        for lap in range(64)
-    )
-    (team,) = PROGRAMME.teams[:1]
-    protest = programme.ProtestRow(1, "Heat", team.name, team.name, "cut", "")
-    teams = tuple(replace(team, seat=seat, deleted=laps) for seat in range(64))
-    protests = tuple(replace(protest, number=number) for number in range(1, 65))
-    data = programme.encode_programme(replace(PROGRAMME, teams=teams, protests=protests))
-    back = programme.decode_programme(data)
-    assert [row.seat for row in back.teams] == list(range(64))
-    kept = len(back.protests)
-    assert 8 <= kept < 64
-    assert back.protests == protests[-kept:]
-    assert all(row.deleted == laps[-kept:] for row in back.teams)
-
-
 def test_slots_of_a_car_park_come_with_its_course() -> None:
     lot = replace(COURSE, slots=np.array([[1.0, 2.0, 0.5, 3.0, 2.0]]))
     assert same(lobby.decode_course(lobby.encode_course(lot)), lot)
@@ -388,10 +368,6 @@ def test_slots_of_a_car_park_come_with_its_course() -> None:
 
 def test_rays_come_back_as_they_were_sent() -> None:
     assert same(decode_rays(rays.encode_rays(RAYS)), RAYS)
-
-
-def test_an_event_comes_back_as_it_was_sent() -> None:
-    assert programme.decode_programme(programme.encode_programme(PROGRAMME)) == PROGRAMME
 
 
 def test_a_ghost_comes_back_as_it_was_sent() -> None:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import flatbuffers
 import numpy as np
 
+from race_server.core.bounds import MOST_ROUNDS
 from race_server.core.messages import EventPhase
 from race_server.errors import WireError
 from race_server.net.wire import topics
@@ -19,7 +20,8 @@ from race_server.net.wire.generated.spectate import Team as TeamTable
 from race_server.net.wire.rows import build_vector
 from race_server.net.wire.strict import F64, I32, I64, U8, U16, U32, U64, Table, root_of
 
-MOST_TEAMS, MOST_CALLS, MOST_ATTEMPTS, MOST_DELETED, MOST_PROTESTS = 64, 16, 64, 64, 64
+MOST_TEAMS, MOST_CALLS, MOST_DELETED, MOST_PROTESTS = 64, 16, 64, 64
+MOST_ATTEMPTS = MOST_ROUNDS
 # Characters of a text; the rest is cut off when it is written.
 MOST_TEXT = 160
 
