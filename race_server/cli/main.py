@@ -4,6 +4,7 @@ import errno
 import shutil
 import sys
 import traceback
+import warnings
 from importlib.metadata import entry_points
 from typing import Annotated, Any
 
@@ -132,6 +133,7 @@ def command_line() -> Any:
 def main() -> None:
     """Run the command line."""
     take_any_letter()
+    warnings.showwarning = _warn
     try:
         command_line()()
     except RaceError as error:
@@ -146,6 +148,14 @@ def main() -> None:
         # A fault of ours; what it tells may quote text from outside.
         say(traceback.format_exc(), error=True)
         sys.exit(1)
+
+
+def _warn(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    """Tell a warning of ours in one line; others with the place that they come from."""
+    if category is UserWarning:
+        say(f"warning: {message}", error=True)
+    else:
+        say(warnings.formatwarning(message, category, *place[:2]), error=True)
 
 
 def _refusal(error: Exception) -> str:

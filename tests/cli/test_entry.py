@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -39,3 +40,17 @@ def test_a_program_that_is_imported_takes_ctrl_c_as_before(
     finally:
         signal.signal(signal.SIGINT, before)
     assert found == [held]
+
+
+def test_a_warning_is_one_line_without_a_place_in_the_program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def command() -> None:
+        warnings.warn("no line fits on 'lane'", stacklevel=1)
+
+    monkeypatch.setattr(main, "command_line", lambda: command)
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        main.main()
+    assert capsys.readouterr().err == "warning: no line fits on 'lane'\n"
