@@ -1,7 +1,7 @@
 """The matrices of meetings, and what they come to."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -87,18 +87,20 @@ def rows(setting: Setting) -> list[Row]:
     """Return the table of the meetings, a radar that errs, some karts as built."""
     vehicle, sensors, builds = setting.vehicle, Sensors(radar=ERRS), min(setting.seeds, 3)
 
-    def outcomes(cases: Sequence[Case]) -> list[tuple[Case, Outcome]]:
+    def outcomes(
+        cases: Sequence[Case], badness: Callable[[Outcome], float]
+    ) -> list[tuple[Case, Outcome]]:
         """Return the worst of some karts as built, for each case."""
         result = []
         for case in cases:
             tries = [meet(case, vehicle, sensors, seed) for seed in range(builds)]
             setting.tell()
-            result.append((case, max(tries, key=lambda each: each.impact or 0.0)))
+            result.append((case, max(tries, key=badness)))
         return result
 
-    met = outcomes([*people(vehicle)])
-    cars = outcomes([*karts(vehicle)])
-    aside = outcomes([*bystanders(vehicle)])
+    met = outcomes([*people(vehicle)], lambda each: each.impact or 0.0)
+    cars = outcomes([*karts(vehicle)], lambda each: each.impact or 0.0)
+    aside = outcomes([*bystanders(vehicle)], lambda each: -each.braked_s)
     result = []
     for name in ("CPLA", "CPNA", "CPFA", "CPNCO", "CCRs", "CCRm", "CCRb"):
         mine = [each for each in (*met, *cars) if each[0].name == name]

@@ -201,7 +201,7 @@ class ControlUnit:
         wanted = self._driver.steering * self.vehicle.steering_limit
         now, will = (math.tan(angle) / self.vehicle.wheelbase for angle in (self.steering, wanted))
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
-            now = float(self.fusion.state[YAW_RATE]) / speed
+            now = self._ego.yaw_rate / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
         ahead, sensed = self._watch_ahead(now, will, speed), self.danger
         told = self._danger_of_peers(now, will, speed, now_s)
