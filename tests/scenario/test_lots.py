@@ -292,6 +292,10 @@ FAULTS = {
         r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
         ONE_BAY.replace("40, 0, 20", "400, 0, 2000"),
     ),
+    "polygon of two lobes of one size": (
+        r"polygons\[1\] = .*: its sides cross; give its corners in order",
+        f"polygons = [[[20, 2], [24, 6], [24, 2], [20, 6]]]\n{ONE_BAY}",
+    ),
     "polygon of two points": (
         r"polygons\[1\] = .*: give 3 to 64 points \[x, y\]",
         f"polygons = [[[1, 2], [3, 4]]]\n{ONE_BAY}",

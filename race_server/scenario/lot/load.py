@@ -173,10 +173,10 @@ def _polygons(reader: TomlReader, area: Area) -> list[Floats]:
             raise reader.wrong(key, loop, f"give 3 to {MOST_CORNERS} points [x, y]")
         corners = np.array([reader.row(f"{key}[{n}]", one, 2) for n, one in enumerate(loop, 1)])
         _check_near(reader, key, loop, corners, area)
-        if abs(area_of(corners)) < LEAST_SQUARE:
-            raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
         if len(crossings(segments_of(corners), first_only=True)):
             raise reader.wrong(key, loop, "its sides cross; give its corners in order")
+        if abs(area_of(corners)) < LEAST_SQUARE:
+            raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
         polygons.append(corners[::-1] if area_of(corners) > 0.0 else corners)
     return polygons
 
