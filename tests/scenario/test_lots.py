@@ -350,6 +350,20 @@ def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:
     assert len(lot_of(load(tmp_path, ONE_BAY)).slots) == 1
 
 
+def test_a_lot_may_be_given_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "bay.toml"
+    path.write_text(ONE_BAY)
+    assert load_lot(path) is load_lot(str(path))
+    with pytest.raises(LotError, match=r"lot '3' is unknown; choose one of aisle-45"):
+        load_lot(3)  # type: ignore[arg-type]
+
+
+def test_the_seed_of_a_generated_lot_has_one_way_to_be_written() -> None:
+    # Full-width digits: another name for the lot that was held out.
+    with pytest.raises(LotError, match=r"cannot be generated; write generated:yard:SEED"):
+        load_lot("generated:yard:\uff11\uff17")
+
+
 def test_an_unknown_lot_names_those_that_exist() -> None:
     with pytest.raises(LotError, match=r"lot 'garage' is unknown; choose one of aisle-45, .*gener"):
         load_lot("garage")

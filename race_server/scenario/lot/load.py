@@ -3,6 +3,7 @@
 import hashlib
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def lot_names() -> list[str]:
     return names_of("lots")
 
 
-def load_lot(name: str) -> Course:
+def load_lot(name: str | Path) -> Course:
     """Return the car park of a name, or of a path that ends in ``.toml``, as a course.
 
     ``generated:yard:17`` is a random one, see `race_server.scenario.lot.generated`.
@@ -61,6 +62,7 @@ def load_lot(name: str) -> Course:
     Raises:
         LotError: there is no such lot, or its file is not valid.
     """
+    name = str(name)
     if name.startswith(PREFIX):
         return lot_of(name, name, generated_file(name))
     path = path_of("lots", name)
