@@ -253,7 +253,7 @@ def test_more_vehicles_than_pairs_of_slots_to_start_in_and_to_go_to_are_refused(
 
 
 def halls(*, as_polygons: bool) -> World:
-    """Return 50 yards of 60 by 40 m with two halls, 16 by 16 m, in the midst of all zones."""
+    """Return 50 yards of 60 by 40 m in which a hall of 16 by 16 m fills half of each zone."""
     halls = [Obstacle(x, 20.0, 0.3, 16.0, 16.0) for x in (15.0, 45.0)]
     corners = [corners_of_box(one.x, one.y, one.heading, 16.0, 16.0)[::-1] for one in halls]
     area = (0.0, 60.0, 0.0, 40.0)
