@@ -14,10 +14,10 @@ def gap_of(asked: Sequence[str]) -> RealityGap:
     """Return the gap of texts such as mass=1.2.
 
     Raises:
-        ScenarioError: a text has another form, the factor is unknown, or a delay.
+        ScenarioError: a text has another form, the factor is unknown, a delay, or given twice.
     """
     names = [name for name, factor in FACTORS.items() if not factor.is_whole]
-    gap = RealityGap()
+    gap, given = RealityGap(), set[str]()
     for text in asked:
         name, _, value = text.partition("=")
         try:
@@ -29,6 +29,9 @@ def gap_of(asked: Sequence[str]) -> RealityGap:
                 f"--gap {text}: give FACTOR=VALUE, at most {MOST:g}, such as hitch=1.1; factors "
                 f"are {', '.join(names)}"
             )
+        if name in given:
+            raise ScenarioError(f"--gap {text}: {name} is given twice; give each factor once")
+        given.add(name)
         gap = replace(gap, **{name: (factor, factor)})
     gap.ranges()
     return gap

@@ -26,7 +26,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.parking import Parking
 from race_server.envs.reality_gap import MOST_DELAY, RealityGap
 from race_server.envs.task import Task
-from race_server.errors import ScenarioError
+from race_server.errors import DriverError, ScenarioError
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Scenario
@@ -242,12 +242,17 @@ class _Hall:
         places, round_seed = self._places()[w], int(batch.world.races[w].seed)
         for k, driver in enumerate(self.drivers[w]):
             order = order_of(batch.world, w, k)
-            driver.reset(self._briefings[k])
-            tell_to_park(driver, self.name, order, self._traffic.get(w))
             self.begun[w, k] = Try(
                 seed, {}, order, places[k], places[k], vehicle=k, round_seed=round_seed
             )
             self._times[w, k] = []
+            try:
+                driver.reset(self._briefings[k])
+                tell_to_park(driver, self.name, order, self._traffic.get(w))
+            except DriverError:
+                raise
+            except Exception as error:
+                self._fail(w, k, error)
 
     def _places(self) -> Floats:
         """Return where the vehicles are: (W, K, 3) x [m], y [m], heading [rad]."""
@@ -267,13 +272,17 @@ class _Hall:
         try:
             return numbers_of(self.drivers[w][k].act(observation))
         except Exception as error:  # a driver's fault ends its task, not the exam
-            words = str(error).partition("\n")[0][:MOST_WORDS]
-            self.begun[w, k] = replace(task, fault=f"{type(error).__name__}: {words}")
+            self._fail(w, k, error)
             return BRAKE
         finally:
             if self._is_ready:
                 self._times[w, k].append(1e3 * (time.perf_counter() - begun))
             self._is_ready = True
+
+    def _fail(self, w: int, k: int, error: Exception) -> None:
+        """Note what a driver raised: from now on its vehicle brakes."""
+        words = str(error).partition("\n")[0][:MOST_WORDS]
+        self.begun[w, k] = replace(self.begun[w, k], fault=f"{type(error).__name__}: {words}")
 
     def _outcome(self, w: int, k: int, end: Floats) -> Try:
         """Return how the task of a vehicle went. end: the place before the last decision."""

@@ -1,6 +1,7 @@
 """Scenarios in which vehicles drive to their slots."""
 
 from dataclasses import replace
+from pathlib import Path
 
 from race_server.core import codes
 from race_server.core.vehicle_presets import vehicle_named
@@ -25,7 +26,7 @@ LOT_RULES = Rules(
 
 
 def parking_scenario(
-    lot: str,
+    lot: str | Path,
     *,
     vehicles: int = 1,
     vehicle: str = "",

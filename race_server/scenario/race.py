@@ -180,11 +180,11 @@ def _check(scenario: Scenario) -> None:
         raise ScenarioError(
             f"{karts} karts on {course.name}: its start grid has {len(course.grid)} places"
         )
-    if course.lot is not None and is_lot(course) and len(course.lot.slots):
-        wanted = karts * (2 if course.lot.from_slots else 1)
-        if len(course.lot.slots) < wanted:
+    if course.lot is not None and is_lot(course):
+        slots, wanted = course.lot.slot_count, karts * (2 if course.lot.from_slots else 1)
+        if slots is not None and slots < wanted:
             raise ScenarioError(
-                f"{karts} vehicles on {course.name}: it has {len(course.lot.slots)} slots; two "
+                f"{karts} vehicles on {course.name}: it has {slots} slot{'s' * (slots != 1)}; two "
                 "vehicles cannot share one"
                 + (", and each needs one to start in" if course.lot.from_slots else "")
             )

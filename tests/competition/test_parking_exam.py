@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
+from race_agents.commands.exam_gap import gap_of
 from race_server.competition.parking_exam import FAULT, ExamSpec, drive_exam
 from race_server.core.driver import Briefing
 from race_server.core.messages import Control
@@ -61,6 +62,24 @@ def test_a_driver_that_raises_fails_its_tasks_and_the_exam_goes_on() -> None:
     tries = list(drive_exam(spec, "lost", lambda _: Ahead(fails=True)))
     assert [one.figures["ending"] for one in tries] == [FAULT, FAULT]
     assert {one.fault for one in tries} == {"ValueError: no idea"}
+
+
+def test_a_driver_that_raises_where_it_is_handed_a_slot_fails_that_task_alone() -> None:
+    class Choosy(Ahead):
+        def park(self, order: ParkingOrder) -> None:
+            if order.slot.y > 0.0:
+                raise ValueError("only slots in the south")
+
+    tries = list(drive_exam(ExamSpec("1", range(9), limit_s=1.0), "choosy", lambda _: Choosy()))
+    endings = {one.seed: one.figures["ending"] == FAULT for one in tries}
+    assert endings == {one.seed: one.order.slot.y > 0.0 for one in tries}
+    assert set(endings.values()) == {False, True}
+    assert {one.fault for one in tries} == {"", "ValueError: only slots in the south"}
+
+
+def test_a_factor_of_the_gap_is_given_once() -> None:
+    with pytest.raises(ScenarioError, match=r"--gap mass=2: mass is given twice; give each factor"):
+        gap_of(["mass=1.5", "hitch=1.1", "mass=2"])
 
 
 def test_every_answer_but_the_first_is_timed() -> None:

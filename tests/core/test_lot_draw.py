@@ -9,11 +9,12 @@ from race_server.core.lots import bytes_of
 from race_server.core.messages import RayHit
 from race_server.core.state import World, digest
 from race_server.core.step import advance
+from race_server.core.vehicle_presets import KART_13
 from race_server.errors import ScenarioError
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.site import course_of_lot
-from race_server.scenario.parking import parking_scenario
-from race_server.scenario.race import line_up_race, make_world, make_worlds
+from race_server.scenario.parking import LOT_RULES, parking_scenario
+from race_server.scenario.race import Scenario, line_up_race, make_world, make_worlds
 from race_server.scenario.track.course import Obstacle
 from race_server.scenario.track.lot import Blocks, Lot, People, Zone
 from race_server.scenario.track.polyline import corners_of_box
@@ -249,3 +250,35 @@ def test_hitches_are_bent_at_the_start_as_far_as_the_zone_says() -> None:
 def test_more_vehicles_than_pairs_of_slots_to_start_in_and_to_go_to_are_refused() -> None:
     with pytest.raises(ScenarioError, match=r"55 vehicles .* each needs one to start in"):
         make_world(parking_scenario("grid-150", vehicles=55))
+
+
+def halls(*, as_polygons: bool) -> World:
+    """Return 50 yards of 60 by 40 m in which a hall of 16 by 16 m fills half of each zone."""
+    halls = [Obstacle(x, 20.0, 0.3, 16.0, 16.0) for x in (15.0, 45.0)]
+    corners = [corners_of_box(one.x, one.y, one.heading, 16.0, 16.0)[::-1] for one in halls]
+    area = (0.0, 60.0, 0.0, 40.0)
+    zones = tuple(
+        Zone(role, *zone)
+        for role, zone in (
+            ("start", ((3.0, 27.0), (8.0, 32.0))),
+            ("goal", ((33.0, 57.0), (8.0, 32.0))),
+            ("blocks", ((0.0, 60.0), (0.0, 40.0))),
+            ("people", ((0.0, 60.0), (0.0, 40.0))),
+        )
+    )
+    lot = Lot(np.zeros((0, 5)), zones, blocks=Blocks((9, 9), (0.5, 1.0)), people=People(8))
+    fixed = () if as_polygons else tuple(halls)
+    course = course_of_lot("h", "H", area, fixed, lot, "h", corners if as_polygons else ())
+    return make_world(Scenario(course, karts=1, vehicles=(KART_13,), rules=LOT_RULES), range(50))
+
+
+@pytest.mark.parametrize("as_polygons", [False, True])
+def test_nothing_is_drawn_inside_of_what_is_solid(as_polygons: bool) -> None:
+    world = halls(as_polygons=as_polygons)
+    blocks = world.parking.blocks[world.parking.blocks["kind"] == RayHit.OBSTACLE]
+    assert len(blocks) == 50 * 9
+    for drawn in (world.bodies, world.parking.parkers, blocks, world.parking.walkers):
+        for x in (15.0, 45.0):
+            dx, dy = drawn["x"] - x, drawn["y"] - 20.0
+            ahead, aside = dx * np.cos(0.3) + dy * np.sin(0.3), dy * np.cos(0.3) - dx * np.sin(0.3)
+            assert (np.maximum(np.abs(ahead), np.abs(aside)) > 8.0).all()

@@ -198,6 +198,33 @@ def test_eight_vehicles_start_apart_before_the_gate_and_not_in_a_zone_of_one_pla
         check_lot(path, rounds=5, vehicles=3)
 
 
+def test_two_vehicles_cannot_share_the_only_place_of_a_goal_zone(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"2 vehicles on face-to-face: it has 1 slot; two veh"):
+        check_lot("face-to-face", rounds=1, vehicles=2)
+    zones = ["x = [30, 30]\ny = [5, 5]", "x = [30, 30]\ny = [15, 15]"]
+    start = GATE.format(low=4, high=16).split("[[rows]]")[0] + "slot = [5.2, 2.5]\n[[zones]]"
+    start += GATE.split("[[zones]]")[1]
+    path = write(tmp_path, start + "".join(f"[[zones]]\nrole = 'goal'\n{one}\n" for one in zones))
+    assert check_lot(path, rounds=5, vehicles=2) == []
+    with pytest.raises(ScenarioError, match=r"3 vehicles on lot: it has 2 slots; two vehicles can"):
+        check_lot(path, rounds=5, vehicles=3)
+
+
+def test_people_who_begin_in_a_wall_are_told(tmp_path: Path) -> None:
+    people = "[[zones]]\nrole = 'people'\nx = [{0}, {1}]\ny = [12, 13]\n[people]\ncount = 2\n"
+    text = "obstacles = [[24, 12, 0, 3, 4]]" + GATE.format(low=4, high=16).replace(
+        "walls", "\nwalls"
+    )
+    (finding,) = check_lot(write(tmp_path, text + people.format(23, 25)), rounds=4)
+    assert finding.level == "warning"
+    assert finding.what == (
+        "in 4 of 4 rounds (100.0%) no free place was found for a person: first it touches the "
+        "obstacle at (24.00, 12.00) m; make their zone larger"
+    )
+    # Where their zone is free in part, they begin there.
+    assert check_lot(write(tmp_path, text + people.format(23, 29)), rounds=4) == []
+
+
 def test_a_slot_that_is_good_for_its_vehicle_may_be_too_small_for_another(tmp_path: Path) -> None:
     (finding,) = check_lot("face-to-face", "car", rounds=1)
     assert finding.what.startswith("a slot of 3 by 2 m is too small for car")

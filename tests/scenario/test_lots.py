@@ -292,6 +292,10 @@ FAULTS = {
         r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
         ONE_BAY.replace("40, 0, 20", "400, 0, 2000"),
     ),
+    "polygon of two lobes of one size": (
+        r"polygons\[1\] = .*: its sides cross; give its corners in order",
+        f"polygons = [[[20, 2], [24, 6], [24, 2], [20, 6]]]\n{ONE_BAY}",
+    ),
     "polygon of two points": (
         r"polygons\[1\] = .*: give 3 to 64 points \[x, y\]",
         f"polygons = [[[1, 2], [3, 4]]]\n{ONE_BAY}",
@@ -344,6 +348,20 @@ def test_any_number_in_place_of_another_makes_a_lot_or_one_sentence(
 
 def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:
     assert len(lot_of(load(tmp_path, ONE_BAY)).slots) == 1
+
+
+def test_a_lot_may_be_given_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "bay.toml"
+    path.write_text(ONE_BAY)
+    assert load_lot(path) is load_lot(str(path))
+    with pytest.raises(LotError, match=r"lot '3' is unknown; choose one of aisle-45"):
+        load_lot(3)  # type: ignore[arg-type]
+
+
+def test_the_seed_of_a_generated_lot_has_one_way_to_be_written() -> None:
+    # Full-width digits: another name for the lot that was held out.
+    with pytest.raises(LotError, match=r"cannot be generated; write generated:yard:SEED"):
+        load_lot("generated:yard:\uff11\uff17")
 
 
 def test_an_unknown_lot_names_those_that_exist() -> None:

@@ -145,6 +145,25 @@ def test_a_polygon_that_crosses_itself_is_refused_and_no_file_stays(tmp_path: Pa
     assert not target.exists()
 
 
+def test_a_case_is_not_written_over_by_its_own_lot(tmp_path: Path) -> None:
+    source = write(tmp_path, numbers(LEFT)).rename(tmp_path / "case.toml")
+    link = tmp_path / "link.toml"
+    link.symlink_to(source)
+    before = source.read_bytes()
+    for target in (source, link):
+        with pytest.raises(LotError, match=r"\.toml: the case itself, which would be written over"):
+            import_case(source, target, title="x")
+    assert source.read_bytes() == before
+
+
+def test_what_no_lot_may_have_is_told_of_the_case_and_not_of_a_file_to_come(
+    tmp_path: Path,
+) -> None:
+    source = write(tmp_path, numbers(start=[-600.0, 0.0, 0.0]))
+    with pytest.raises(LotError, match=r"Case1\.csv: area = .*: give x0, x1, y0, y1 with sides of"):
+        import_case(source, tmp_path / "case.toml", title="x")
+
+
 @pytest.mark.parametrize("name", ["case.toml", "notes.txt"])
 def test_an_import_that_fails_leaves_the_file_of_before(name: str, tmp_path: Path) -> None:
     target = tmp_path / name

@@ -29,7 +29,7 @@ from race_server.core.kernels.trailers import place_in_line, straighten
 from race_server.core.lots import BLOCKS, GOAL, START
 from race_server.core.stages.blocks import block_hull, is_near_block
 from race_server.core.stages.people import place_walker
-from race_server.core.stages.wall_contacts import is_free_of_walls
+from race_server.core.stages.wall_contacts import is_outside_of_walls
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 from race_server.core.vehicles import TRAILERS
@@ -176,7 +176,7 @@ def _is_slot_free(world: World, w: int, k: int) -> bool:
     for other in range(k):
         if _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
             return False
-    return is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
+    return is_outside_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel
@@ -250,7 +250,7 @@ def _has_block_room(world: World, w: int, number: int) -> bool:
         block = parking.blocks[w, other]
         if block.kind != codes.NOTHING and _overlap(mine, block_hull(block)):
             return False
-    return is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
+    return is_outside_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel
@@ -333,7 +333,7 @@ def has_room(world: World, w: int, k: int, room: float) -> bool:
 @kernel
 def _has_box_room(world: World, w: int, k: int, mine: Hull) -> bool:
     """Return whether a box of vehicle k touches no wall, block or vehicle before it."""
-    if not is_free_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine):
+    if not is_outside_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine):
         return False
     reach = mine.half_length + mine.half_width + abs(mine.offset)
     for block in world.parking.blocks[w]:

@@ -11,7 +11,7 @@ from race_server.core.kernels.rng import WALKER_STREAM, uniform
 from race_server.core.lots import PEOPLE
 from race_server.core.stages.blocks import block_hull, is_near_block
 from race_server.core.stages.events import report, retire
-from race_server.core.stages.wall_contacts import is_free_of_walls
+from race_server.core.stages.wall_contacts import is_free_of_walls, is_outside_of_walls
 from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 
@@ -137,7 +137,7 @@ def _is_free(world: World, w: int, x: float, y: float, radius: float) -> bool:
             if is_disc_on_box(box_of(block_hull(block)), x, y, radius):
                 return False
     site = world.walls.sites[world.rules[w].course]
-    return is_free_of_walls(world.walls, site, _square_around(x, y, radius))
+    return is_outside_of_walls(world.walls, site, _square_around(x, y, radius))
 
 
 @kernel

@@ -101,6 +101,26 @@ def is_free_of_walls(walls: Walls, site: Record, hull: Hull) -> bool:
 
 
 @kernel
+def is_outside_of_walls(walls: Walls, site: Record, hull: Hull) -> bool:
+    """Return whether a hull in a car park touches no wall, and lies in nothing solid. site: SITE.
+
+    Sides go around the area counter-clockwise and around what is solid clockwise. So from a free
+    place they turn once in all, and from one in a solid less.
+    """
+    if not is_free_of_walls(walls, site, hull):
+        return False
+    box, turns = box_of(hull), 0
+    for number in range(site.wall_start, site.wall_start + site.wall_count):
+        wall = walls.segments[number]
+        if (wall[1] <= box.y) != (wall[3] <= box.y):
+            dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+            is_left = dx * (box.y - wall[1]) > dy * (box.x - wall[0])
+            if is_left == (dy > 0.0):
+                turns += 1 if is_left else -1
+    return turns == 1
+
+
+@kernel
 def _is_clear(walls: Walls, site: Record, hull: Hull) -> bool:
     """Return whether the place of a hull alone shows that it touches no wall.
 

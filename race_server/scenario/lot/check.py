@@ -61,6 +61,13 @@ def _lost(course: Course, drawn: Sequence[Drawn]) -> Iterator[CourseIssue]:
                 f"in {len(found)} of {len(drawn)} rounds ({share:.1%}) no free place was found for "
                 f"the {what}: first {found[0]}; make its zone larger",
             )
+    crowded = [fault for one in drawn if (fault := _person_fault(course, one))]
+    if crowded:
+        yield CourseIssue(
+            "warning",
+            f"in {len(crowded)} of {len(drawn)} rounds ({len(crowded) / len(drawn):.1%}) no free "
+            f"place was found for a person: first {crowded[0]}; make their zone larger",
+        )
     scarce = sum(len(one.blocks) < lot.blocks.count[0] for one in drawn)
     if scarce:
         yield CourseIssue(
@@ -90,6 +97,15 @@ def _slot_fault(course: Course, drawn: Drawn) -> str:
     faults = (
         _touched(course, slot, drawn.blocks, drawn.slots[:k]) for k, slot in enumerate(drawn.slots)
     )
+    return next(filter(None, faults), "")
+
+
+def _person_fault(course: Course, drawn: Drawn) -> str:
+    """Return what is wrong with the places where people begin; empty for nothing."""
+    assert course.lot is not None
+    side = math.sqrt(2.0) * course.lot.people.radius  # of the square inside of the disc
+    squares = (Footprint(x, y, 0.0, side, side) for x, y, _, _ in drawn.people)
+    faults = (_touched(course, square, (*drawn.blocks, *drawn.parked), ()) for square in squares)
     return next(filter(None, faults), "")
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def lot_names() -> list[str]:
     return names_of("lots")
 
 
-def load_lot(name: str) -> Course:
+def load_lot(name: str | Path) -> Course:
     """Return the car park of a name, or of a path that ends in ``.toml``, as a course.
 
     ``generated:yard:17`` is a random one, see `race_server.scenario.lot.generated`.
@@ -61,6 +62,7 @@ def load_lot(name: str) -> Course:
     Raises:
         LotError: there is no such lot, or its file is not valid.
     """
+    name = str(name)
     if name.startswith(PREFIX):
         return lot_of(name, name, generated_file(name))
     path = path_of("lots", name)
@@ -173,10 +175,10 @@ def _polygons(reader: TomlReader, area: Area) -> list[Floats]:
             raise reader.wrong(key, loop, f"give 3 to {MOST_CORNERS} points [x, y]")
         corners = np.array([reader.row(f"{key}[{n}]", one, 2) for n, one in enumerate(loop, 1)])
         _check_near(reader, key, loop, corners, area)
-        if abs(area_of(corners)) < LEAST_SQUARE:
-            raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
         if len(crossings(segments_of(corners), first_only=True)):
             raise reader.wrong(key, loop, "its sides cross; give its corners in order")
+        if abs(area_of(corners)) < LEAST_SQUARE:
+            raise reader.wrong(key, loop, "its corners lie on one line; give an area, or a wall")
         polygons.append(corners[::-1] if area_of(corners) > 0.0 else corners)
     return polygons
 

@@ -59,18 +59,32 @@ def import_case(source: Path, target: Path, *, title: str) -> Course:
 
     Raises:
         LotError: the source is no case, start or goal lies in an obstacle, or the target does not
-            end in ``.toml`` or cannot be written; what was there stays as it is then.
+            end in ``.toml``, is the source or cannot be written; what was there stays as it is
+            then.
     """
     if target.suffix != ".toml":
         raise LotError(f"{target}: the file of a lot ends in .toml")
+    if _are_one(source, target):
+        raise LotError(
+            f"{target}: the case itself, which would be written over; write the lot under another "
+            "name"
+        )
     case = read_case(source)
     text = _file_of(case, _room_for(source, case), source.name, title)
-    course = lot_of(target.stem, target.name, text)
+    course = lot_of(target.stem, str(source), text)
     try:
         write_together({target: text.encode()})
     except OSError as error:
         raise LotError(f"{target}: cannot be written: {error.strerror}") from error
     return course
+
+
+def _are_one(path: Path, other: Path) -> bool:
+    """Return whether two paths lead to one file; one that cannot be seen is no other."""
+    try:
+        return path.samefile(other)
+    except OSError:
+        return False
 
 
 def read_case(path: Path) -> Case:

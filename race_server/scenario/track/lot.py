@@ -63,3 +63,13 @@ class Lot:
     limit_s: float = 60.0  # time to park in [s]
     level: str = "parked"  # of tolerance, see `race_server.scenario.level`
     from_slots: bool = False  # vehicles start in slots, and not in start zones
+
+    @property
+    def slot_count(self) -> int | None:
+        """How many slots there are; None where one is drawn in a zone that is no single place."""
+        if len(self.slots):
+            return len(self.slots)
+        goals = [zone for zone in self.zones if zone.role == "goal"]
+        if any(zone.x[0] < zone.x[1] or zone.y[0] < zone.y[1] for zone in goals):
+            return None
+        return len({(zone.x[0], zone.y[0]) for zone in goals})
