@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,8 @@ from race_server.terminal import Console, TextColumn
 if TYPE_CHECKING:
     from race_server.competition.parking_exam import ExamSpec
 
+MOST_TASKS = 1_000_000  # of each scenario; more would be weeks of driving
+
 
 @dataclass(frozen=True)
 class ParkingOptions:
@@ -39,7 +42,9 @@ class ParkingOptions:
             "automatic parking of a kart; others are names from `race lot list`.",
         ),
     ] = "2"
-    seeds: Annotated[int, typer.Option(min=1, help="Tasks of each scenario.")] = 1000
+    seeds: Annotated[int, typer.Option(min=1, max=MOST_TASKS, help="Tasks of each scenario.")] = (
+        1000
+    )
     first_seed: Annotated[
         int,
         typer.Option(
@@ -220,14 +225,21 @@ def _record(
 def _examine(
     specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
 ) -> Iterator[Result]:
-    """Yield the result of each driver in each scenario."""
+    """Yield the result of each driver in each scenario.
+
+    Raises:
+        RaceError: one of them makes no exam; before any is driven, as hours of it would be lost.
+    """
     from race_agents.planning.planned_way import planned_way
-    from race_server.competition.parking_exam import drive_exam
+    from race_server.competition.parking_exam import check_exam, drive_exam
     from race_server.competition.parking_rounds import RoundTally
     from race_server.competition.parking_tally import ParkingTally
     from race_server.core.messages import PlannedWay
 
     with _progress(specs, drivers, console, quiet=quiet) as advance:
+        # The first one says at once what is wrong with it.
+        for spec, driver in list(product(specs, drivers))[1:]:
+            check_exam(spec, driver)
         for spec in specs:
             vehicle = spec.scenario_of().vehicle_of(0)
             plans: dict[tuple[int, int], PlannedWay | None] = {}

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from race_agents.planning.path import Path, path_of
-from race_agents.planning.path_follower import CURVATURE, LEFT, SPEED
+from race_agents.planning.path_follower import CREEP, CURVATURE, LEFT, SPEED
 from race_agents.planning.path_planner import ENDLESS, PathPlanner
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.towed_planner import TowedPlanner
@@ -191,7 +191,8 @@ def driving_time(track: Floats, vehicle: Vehicle) -> float:
     """
     ways, speeds = -np.diff(track[:, LEFT]), track[1:, SPEED] + track[:-1, SPEED]
     inside = ways > 0.0
-    driven_s = float((2.0 * ways[inside] / np.maximum(speeds[inside], 1e-3)).sum())
+    # A leg of one step begins and ends at a stand: it is crept along.
+    driven_s = float((2.0 * ways[inside] / np.maximum(speeds[inside], 2.0 * CREEP)).sum())
     angles = np.arctan(track[:, CURVATURE] * vehicle.wheelbase)
     starts = np.flatnonzero(np.append(True, ~inside))
     before = np.append(0.0, angles[starts[1:] - 1])

@@ -8,6 +8,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -137,7 +138,25 @@ def drive_exam(
         LotError, VehicleError, ScenarioError: the exam makes no task.
         DriverError: the driver is unknown, cannot park, or not with this vehicle.
     """
-    seeds = list(spec.seeds)
+    with _hall_of(spec, name, make, list(spec.seeds)) as hall:
+        yield from hall.drive()
+
+
+def check_exam(spec: ExamSpec, name: str, make: Callable[[str], Driver] = driver_named) -> None:
+    """Begin the first task of an exam, and leave it: what `drive_exam` raises comes at once.
+
+    Raises:
+        LotError, VehicleError, ScenarioError, DriverError: see `drive_exam`.
+    """
+    with _hall_of(spec, name, make, list(spec.seeds[:1])):
+        pass
+
+
+@contextmanager
+def _hall_of(
+    spec: ExamSpec, name: str, make: Callable[[str], Driver], seeds: list[int]
+) -> "Iterator[_Hall]":
+    """Hold what an exam takes place in. make: makes a driver of its name."""
     if not seeds or min(seeds) < 0 or max(seeds) > MOST_SEED:
         raise ScenarioError(
             f"seeds {seeds[:3]}: give one or more, none below zero or from 2**63 on"
@@ -146,7 +165,7 @@ def drive_exam(
     drivers = [[make(name) for _ in range(spec.vehicles)] for _ in range(count)]
     batch = Batch(spec.task_of(scenario, drivers[0][0].preset), worlds=count)
     try:
-        yield from _Hall(batch, scenario, name, drivers, deque(seeds)).drive()
+        yield _Hall(batch, scenario, name, drivers, deque(seeds))
     finally:
         batch.close()
 

@@ -26,4 +26,12 @@ def path_of(kind: str, name: str) -> Path | None:
     if name.endswith(".toml"):
         return Path(name)
     paths = (folder / f"{name}.toml" for folder in folders_of(kind))
-    return next((path for path in paths if path.is_file()), None)
+    return next((path for path in paths if _is_file(path)), None)
+
+
+def _is_file(path: Path) -> bool:
+    """Return whether a path is a file that can be seen; one with too long a name is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False

@@ -191,6 +191,13 @@ def test_ten_metres_straight_take_as_long_as_their_speeds_say() -> None:
     assert 8.0 < driving_time(track, CAR) < 11.0
 
 
+@pytest.mark.parametrize("way", [0.001, 0.04, -0.05])
+def test_a_way_of_centimetres_is_crept_along(way: float) -> None:
+    track = make_track(Path(Pose(0.0, 0.0, 0.0), np.array([[0.0, way]])), CAR, 2.0)
+    # As slowly as the car ever drives, 6 cm/s.
+    assert driving_time(track, CAR) == pytest.approx(abs(way) / 0.06)
+
+
 def test_full_lock_before_the_start_takes_a_second_and_a_half() -> None:
     bend = 1.0 / CAR.turning_radius
     straight = make_track(path_of(Pose(0.0, 0.0, 0.0), np.array([[0.0, 3.0]])), CAR, 2.0)

@@ -132,6 +132,32 @@ def test_questions_that_make_no_task_are_refused() -> None:
         next(drive_exam(ExamSpec("moon", [1]), "ahead", lambda _: Ahead()))
 
 
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (["--scenario", "face-to-face,moon"], "lot 'moon' is unknown"),
+        (["--drivers", "valet,avoider"], "driver 'avoider' cannot park"),
+    ],
+)
+def test_nothing_is_driven_where_a_later_lot_or_driver_makes_no_exam(
+    wrong: list[str], sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(*_: object) -> None:
+        raise AssertionError("an exam was driven")
+
+    monkeypatch.setattr("race_server.competition.parking_exam.drive_exam", drive)
+    words = ["parking", "--scenario", "face-to-face", "--seeds", "1", *wrong]
+    refused = CliRunner().invoke(app, words)
+    assert isinstance(refused.exception, ScenarioError | LotError | DriverError)
+    assert sentence in str(refused.exception)
+
+
+def test_more_tasks_than_anything_can_drive_are_refused() -> None:
+    refused = CliRunner().invoke(app, ["parking", "--seeds", str(10**13)])
+    assert refused.exit_code == 2
+    assert "--seeds" in refused.output
+
+
 def test_scenarios_1_and_2_are_those_of_the_report() -> None:
     one, two = ExamSpec("1"), ExamSpec("2")
     assert (one.lot, one.level_name) == ("zone-30", "report-a-1")

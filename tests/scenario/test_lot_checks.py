@@ -125,6 +125,17 @@ def test_the_cells_that_are_reached_lie_on_the_side_of_the_start(tmp_path: Path)
     assert columns.max() == pytest.approx(20.0 - 0.05 - 0.97, abs=1.5 * ways.cell)
 
 
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_it_does_not_matter_in_which_order_start_zones_are_named(
+    is_reversed: bool, tmp_path: Path
+) -> None:
+    # One zone lies left of a closed wall, as that of the bay's file; the other on both sides of it.
+    head, wide = GATE.format(low=10, high=10).split("[[zones]]", 1)
+    zones = [wide, '\nrole = "start"\nx = [5, 28]\ny = [5, 15]\n']
+    text = "[[zones]]".join([head, *zones[:: -1 if is_reversed else 1]])
+    assert cut_off(load_lot(write(tmp_path, text)), CAR) == []
+
+
 def test_a_start_in_a_wall_and_a_goal_behind_one_are_told(tmp_path: Path) -> None:
     text = GATE.format(low=10, high=10) + "[[zones]]\nrole = 'goal'\nx = [25, 35]\ny = [2, 6]\n"
     text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
@@ -183,6 +194,16 @@ def test_a_start_that_cannot_be_as_far_from_the_slot_as_asked_is_an_error(tmp_pa
     assert finding.level == "error"
     # From x = 5 to 10 m to a slot at x = 30 m it is 20 to 25.5 m.
     assert re.search(r"in 4 of 4 .* for the start: first it is 2\d\.\d\d m from", finding.what)
+
+
+@pytest.mark.parametrize(("start", "distance"), [(5.4, 24.6), (6.4, 23.6), (0.7, 29.3)])
+def test_a_start_exactly_as_far_from_the_slot_as_asked_is_good(
+    start: float, distance: float, tmp_path: Path
+) -> None:
+    text = f"distance = [{distance}, 0]\n" + GATE.format(low=4, high=16)
+    text = text.replace("[5, 10]", f"[{start}, {start}]").replace("[5, 15]", "[10, 10]")
+    text = text.replace("[0, 40, 0, 20]", "[-5, 40, 0, 20]")
+    assert check_lot(write(tmp_path, text), rounds=2) == []
 
 
 def test_eight_vehicles_start_apart_before_the_gate_and_not_in_a_zone_of_one_place(

@@ -76,6 +76,14 @@ def test_an_integer_of_hundreds_of_digits_is_refused_in_one_sentence(
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("count", ["[0.5, 1.5]", "[1, 2.5]", "[0, 65]", "[3, 1]"])
+def test_blocks_are_counted_in_whole_numbers(count: str, tmp_path: Path) -> None:
+    with pytest.raises(
+        LotError, match=r"count = .*: give fewest and most, whole numbers from 0 to"
+    ):
+        lot_of(tmp_path, "", f"[blocks]\ncount = {count}")
+
+
 @pytest.mark.parametrize("limit_s", [-5.0, 1e-9, 0.99, 3600.1, math.nan, math.inf])
 def test_a_time_limit_is_refused_that_no_lot_may_have(limit_s: float) -> None:
     with pytest.raises(ScenarioError) as told:

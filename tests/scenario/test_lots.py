@@ -13,6 +13,7 @@ from race_server.core.vehicles import GRAVITY
 from race_server.errors import LotError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of
+from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.generated import generated_file
 from race_server.scenario.lot.load import load_lot, lot_names, summary
 from race_server.scenario.lot.site import polygons_in
@@ -367,6 +368,28 @@ def test_the_seed_of_a_generated_lot_has_one_way_to_be_written() -> None:
 def test_an_unknown_lot_names_those_that_exist() -> None:
     with pytest.raises(LotError, match=r"lot 'garage' is unknown; choose one of aisle-45, .*gener"):
         load_lot("garage")
+
+
+def test_a_name_that_is_too_long_for_a_file_is_an_unknown_lot() -> None:
+    with pytest.raises(LotError, match=r"lot 'a{300}' is unknown; choose one of aisle-45"):
+        load_lot("a" * 300)
+
+
+def test_polygons_that_begin_in_one_corner_are_obstacles_each(tmp_path: Path) -> None:
+    square = "[[2, 2], [2, 6], [6, 6], [6, 2]]"
+    course = load(tmp_path, f"polygons = [{square}, {square}]\n{ONE_BAY}")
+    assert summary(course)["polygons"] == 2
+    # In both of them, and away from all sides.
+    inside = wall_under(course, Footprint(4.0, 4.0, 0.0, 1.0, 1.0))
+    assert inside.startswith("the polygon with a corner at")
+
+
+def test_a_polygon_that_touches_itself_in_its_first_corner_keeps_its_hole(tmp_path: Path) -> None:
+    outside, hole = "[2, 2], [2, 8], [8, 8], [8, 2]", "[2, 2], [6, 3], [6, 6], [3, 6]"
+    course = load(tmp_path, f"polygons = [[{outside}, {hole}]]\n{ONE_BAY}")
+    assert summary(course)["polygons"] == 1
+    assert wall_under(course, Footprint(4.5, 4.5, 0.0, 0.5, 0.5)) == ""
+    assert wall_under(course, Footprint(7.0, 7.0, 0.0, 0.5, 0.5)) != ""
 
 
 def test_own_lots_are_found_in_the_folders_of_a_variable(

@@ -97,6 +97,24 @@ def test_the_slot_takes_no_more_room_than_the_obstacles_leave(tmp_path: Path) ->
     assert course.lot.slot_size == pytest.approx((CAR.length + 0.1, CAR.width + 0.1), abs=1e-3)
 
 
+def test_a_goal_in_two_obstacles_that_begin_in_one_corner_is_refused(tmp_path: Path) -> None:
+    around = [(-1.0, -6.0), (8.0, -6.0), (8.0, 2.0), (-1.0, 2.0)]
+    target = tmp_path / "case.toml"
+    with pytest.raises(LotError, match=r"at the goal the car of the benchmark touches the polygon"):
+        import_case(write(tmp_path, numbers(around, around)), target, title="x")
+
+
+def test_what_lies_outside_of_the_area_is_left_out_however_far(tmp_path: Path) -> None:
+    # The area ends at x = 10.6 m; a tower begins there, and a house stands 300 m away.
+    tower = [(10.7, 4.0), (12.0, 4.0), (12.0, 6.0), (10.7, 6.0)]
+    house = [(300.0, 0.0), (310.0, 0.0), (310.0, 9.0)]
+    near = [(x - 1.0, y) for x, y in tower]
+    target = tmp_path / "case.toml"
+    course = import_case(write(tmp_path, numbers(LEFT, tower, house, near)), target, title="x")
+    assert len(course.borders) == 4 + 4 + 4
+    assert (course.borders[8:, 0].min(), course.borders[8:, 0].max()) == (9.7, 11.0)
+
+
 def test_a_body_in_an_obstacle_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
     target = tmp_path / "case.toml"
     inside = [(-11.0, 2.0), (-6.0, 2.0), (-6.0, 5.0), (-11.0, 5.0)]

@@ -1,11 +1,14 @@
 """The life of a session in a car park, without a network."""
 
+from dataclasses import replace
+
 import pytest
 
 from race_server.core.driver import Driver
 from race_server.core.messages import Control, Ending, EventKind, Phase, RayHit
 from race_server.core.observation import Observation
 from race_server.errors import SeatError
+from race_server.scenario.track.lot import Zone
 from race_server.session import Session
 from race_server.session.interventions import InterventionKind
 from race_server.session.parking import check_slot, free_slot
@@ -179,3 +182,14 @@ def test_a_parked_vehicle_is_told_as_an_event_with_its_slot() -> None:
     let(Beeline(), session, 30.0)
     told = [event for event in session.event_log.recent if event.kind is EventKind.PARKED]
     assert [(event.kart, event.other) for event in told] == [(0, 0)]
+
+
+def test_who_stands_in_the_own_slot_from_the_start_on_has_parked_after_no_time() -> None:
+    course = one_slot()
+    assert course.lot is not None
+    there = Zone("start", (0.0, 0.0), (0.0, 0.0))
+    course = replace(course, lot=replace(course.lot, zones=(there, *course.lot.zones[1:])))
+    session = started(lot_session(course))
+    drive(session, Control(brake=1.0), 4.0)
+    assert ending_of(session) is Ending.PARKED
+    assert session.table()[0].race_time_us == 0

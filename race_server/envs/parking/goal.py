@@ -120,8 +120,8 @@ class GoalView:
     ) -> Array:
         """Return the rewards, shape (n,), or a number for a single pair of goals.
 
-        achieved, desired: (n, g) or (g,); infos: of each step; one with `crashed` costs more,
-        whatever the goal.
+        achieved, desired: (n, g) or (g,); infos: of each step, or one of all, in which `crashed`
+        may be an array, as Gymnasium's vectors have it; what crashed costs more, whatever the goal.
         """
         if self.reward == "sparse":
             reward = is_reached(self.level, achieved, desired, self.top_speed) - 1.0
@@ -129,10 +129,14 @@ class GoalView:
             # Not a matrix product, which rounds a single goal differently.
             weights = TRAILER_WEIGHTS if "hitch" in self.own else WEIGHTS
             reward = -np.sqrt((np.abs(achieved - desired) * weights).sum(axis=-1))
-        if isinstance(infos, Mapping):
-            return np.asarray(reward + CRASH * bool(infos.get("crashed", False)))
-        crashed = np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
-        return np.asarray(reward + CRASH * crashed)
+        return np.asarray(reward + CRASH * _crashed(infos))
+
+
+def _crashed(infos: Mapping[str, Any] | Sequence[Any]) -> Array:
+    """Return 1 where a vehicle crashed, and 0 elsewhere: (n,), or () of a single info."""
+    if isinstance(infos, Mapping):
+        return np.asarray(infos.get("crashed", False), np.bool_).astype(np.float64)
+    return np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
 
 
 def is_reached(

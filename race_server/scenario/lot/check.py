@@ -16,7 +16,8 @@ from race_server.scenario.track.course import Course
 FEW = 0.05
 # Sentences of one kind that are told; the others are counted.
 MOST_TOLD = 5
-TOUCH = 1e-3  # [m] rectangles may overlap by this: the sides of a start are rounded
+# [m] rectangles may overlap by this, and a start be nearer or farther: its place is rounded
+TOUCH = 1e-3
 
 
 def check_lot(
@@ -87,7 +88,7 @@ def _start_fault(course: Course, drawn: Drawn) -> str:
             if fault := _touched(course, box, (*drawn.blocks, *drawn.parked), others):
                 return fault
         away = math.hypot(start.x - slot.x, start.y - slot.y)
-        if away < nearest or 0.0 < farthest <= away:
+        if away < nearest - TOUCH or 0.0 < farthest < away - TOUCH:
             return f"it is {away:.2f} m from its slot"
     return ""
 

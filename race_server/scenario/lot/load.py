@@ -209,13 +209,15 @@ def _taken(reader: TomlReader) -> Taken:
 
 def _blocks(reader: TomlReader) -> Blocks:
     fewest, most = reader.pair("count") or (0.0, 0.0)
-    if not 0 <= fewest <= most <= MOST_BLOCKS:
-        raise reader.wrong("count", [fewest, most], f"give fewest and most, 0 to {MOST_BLOCKS}")
+    is_whole = fewest.is_integer() and most.is_integer()
+    if not (is_whole and 0 <= fewest <= most <= MOST_BLOCKS):
+        way_out = f"give fewest and most, whole numbers from 0 to {MOST_BLOCKS}"
+        raise reader.wrong("count", [fewest, most], way_out)
     shortest, longest = reader.pair("side") or (1.0, 2.0)
     if not 0.05 <= shortest <= longest <= 50.0:
         raise reader.wrong("side", [shortest, longest], "give shortest and longest, 0.05 to 50 m")
     reader.no_more()
-    return Blocks((round(fewest), round(most)), (shortest, longest))
+    return Blocks((int(fewest), int(most)), (shortest, longest))
 
 
 def _people(reader: TomlReader) -> People:

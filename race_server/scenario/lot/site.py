@@ -6,7 +6,7 @@ import numpy as np
 
 from race_server.scenario.track.course import Course, Floats, Obstacle
 from race_server.scenario.track.lot import Lot
-from race_server.scenario.track.polyline import loops_of, segments_of
+from race_server.scenario.track.polyline import area_of, loops_of, segments_of
 
 NO_PLACES = np.zeros((0, 3))
 
@@ -57,5 +57,14 @@ def area_in(course: Course) -> Floats:
 
 
 def polygons_in(course: Course) -> list[Floats]:
-    """Return the sides of a car park's polygons; two that begin in one point come as one."""
-    return loops_of(course.borders[4:]) if len(course.borders) > 4 else []
+    """Return the sides of each of a car park's polygons."""
+    runs = loops_of(course.borders[4:]) if len(course.borders) > 4 else []
+    return [polygon for run in runs for polygon in _parted(run)]
+
+
+def _parted(run: Floats) -> list[Floats]:
+    """Return the polygons of a run of sides: those that begin in one point come in one run."""
+    closes = np.flatnonzero(np.abs(run[:, 2:] - run[0, :2]).max(axis=1) <= 1e-9) + 1
+    parts = np.split(run, closes[closes < len(run)])
+    # What goes round counter-clockwise is a hole, of a polygon that touches itself there.
+    return parts if all(area_of(part[:, :2]) < 0.0 for part in parts) else [run]

@@ -6,7 +6,7 @@ then x, y of all corners. Poses are those of the rear axle, in metres and radian
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +57,8 @@ class Case:
 def import_case(source: Path, target: Path, *, title: str) -> Course:
     """Write a case as the file of a car park, and return that.
 
+    Obstacles outside of the area are left out: nothing sees or meets what is behind its border.
+
     Raises:
         LotError: the source is no case, start or goal lies in an obstacle, or the target does not
             end in ``.toml``, is the source or cannot be written; what was there stays as it is
@@ -69,7 +71,7 @@ def import_case(source: Path, target: Path, *, title: str) -> Course:
             f"{target}: the case itself, which would be written over; write the lot under another "
             "name"
         )
-    case = read_case(source)
+    case = _in_sight(read_case(source))
     text = _file_of(case, _room_for(source, case), source.name, title)
     course = lot_of(target.stem, str(source), text)
     try:
@@ -159,6 +161,17 @@ def _open(loop: Floats) -> Floats:
     """Return a loop without its last corner if that repeats the first."""
     is_closed = len(loop) > 3 and bool(np.hypot(*(loop[0] - loop[-1])) < 1e-9)
     return loop[:-1] if is_closed else loop
+
+
+def _in_sight(case: Case) -> Case:
+    """Return a case without the obstacles that lie outside of its area."""
+    x0, x1, y0, y1 = case.area
+    near = tuple(
+        polygon
+        for polygon in case.polygons
+        if (polygon.min(axis=0) < (x1, y1)).all() and (polygon.max(axis=0) > (x0, y0)).all()
+    )
+    return replace(case, polygons=near)
 
 
 def _room_for(path: Path, case: Case) -> tuple[float, float]:

@@ -69,9 +69,8 @@ def _flood(ways: Ways, x: tuple[float, float], y: tuple[float, float]) -> None:
     padded[1:-1, 1:-1] = ways.free
     begin = np.zeros_like(padded)
     part = ways.near(x, y)
-    if ways.reached[part].any():
-        return  # all that can be reached from there is marked
-    begin[1:-1, 1:-1][part] = ways.free[part]
+    # What leads from cells that are marked is marked, too.
+    begin[1:-1, 1:-1][part] = ways.free[part] & ~ways.reached[part]
     open_, reached = padded.ravel(), begin.ravel()
     front = np.flatnonzero(reached)
     steps = np.array([1, -1, columns + 2, -columns - 2])
