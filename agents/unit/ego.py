@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-
 # A gyro's noise is that of one reading, and bends an arc by 0.3 m at 24 m: of a kart's turning this
 # time [s] counts.
 SMOOTH_S = 0.06
