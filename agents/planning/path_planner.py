@@ -99,9 +99,12 @@ class PathPlanner:
         the middle, cosine and sine of the heading, half length, half width [m].
 
         Raises:
-            PlanError: start or goal touches something, no way leads from one to the other, or none
-                was found.
+            PlanError: start or goal is not finite or touches something, no way leads from one to
+                the other, or none was found.
         """
+        for name, pose in (("start", start), ("goal", goal)):
+            if not all(map(math.isfinite, pose)):
+                raise PlanError(f"the {name}, {in_words(pose)}, is no place: give finite numbers")
         obstacles = self._obstacles(start, goal, walls, boxes)
         for name, pose in (("start", start), ("goal", goal)):
             self._require_room(name, pose, obstacles)

@@ -18,4 +18,6 @@ def wilson_interval(successes: int, runs: int) -> tuple[float, float]:
     middle = (share + 0.5 * square / runs) / (1.0 + square / runs)
     spread = math.sqrt(share * (1.0 - share) / runs + 0.25 * square / (runs * runs))
     half = WIDTH * spread / (1.0 + square / runs)
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+    # Of none and of all a bound is exact, and would be off by rounding.
+    least = 0.0 if successes == 0 else middle - half
+    return least, 1.0 if successes == runs else middle + half

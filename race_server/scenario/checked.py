@@ -4,6 +4,8 @@ import math
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
+
 from race_server.errors import ScenarioError
 
 
@@ -13,7 +15,8 @@ def check_whole(name: str, value: Any, least: int, most: int | None = None) -> N
     Raises:
         ScenarioError: it is none.
     """
-    number = int(value) if isinstance(value, Integral) else least - 1
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    number = int(value) if is_whole else least - 1
     if least <= number and (most is None or number <= most):
         return
     bounds = f"{least} at least" if most is None else f"{least} to {most}"
@@ -37,3 +40,13 @@ def check_number(
     else:
         advice = f"choose a number, {least:g} at least" if least > -math.inf else "give a number"
     raise ScenarioError(f"{name} = {given}: {advice}{way_out}")
+
+
+def check_flag(name: str, value: Any) -> None:
+    """Check that a setting is true or false.
+
+    Raises:
+        ScenarioError: it is neither.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ScenarioError(f"{name} = {value!r}: choose True or False")

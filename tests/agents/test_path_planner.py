@@ -185,6 +185,13 @@ def test_a_box_in_the_way_is_driven_around() -> None:
     assert abs(middle[1]) > 2.5 + 0.5 * CAR.width
 
 
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+def test_a_pose_that_is_no_place_is_no_start_and_no_goal(number: float) -> None:
+    walls, boxes = yard()
+    with pytest.raises(PlanError, match=rf"the goal, \({number:.2f} m, .*: give finite numbers"):
+        planner().plan(Pose(0.0, 0.0, 0.0), Pose(number, 0.0, 0.0), walls, boxes)
+
+
 def test_a_pose_inside_a_wall_or_a_box_is_no_start_and_no_goal() -> None:
     walls, boxes = yard((0.0, 0.0, 1.0, 0.0, 5.0, 5.0))
     outside, inside = Pose(-15.0, 0.0, 0.0), Pose(-1.0, 0.0, 0.0)

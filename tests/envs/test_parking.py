@@ -138,20 +138,31 @@ def test_the_reward_of_goals_is_a_plain_function_of_them() -> None:
 def test_the_infos_of_a_vector_tell_of_crashes_as_those_of_each_step_do(kind: str) -> None:
     vector = gymnasium.make_vec(registration.PARK_GOAL, 3, vectorization_mode="sync", reward=kind)
     vector.reset(seed=1)
-    for _ in range(40):
+    for _ in range(100):
         seen, rewards, is_over, is_cut, infos = vector.step(np.array([[-1.0, 0.0]] * 3, np.float32))
         one: Any = vector.envs[0].unwrapped  # type: ignore[attr-defined]
         again = one.compute_reward(seen["achieved_goal"], seen["desired_goal"], infos)
         assert again.tolist() == rewards.tolist()
         if (is_over | is_cut).any():
             break
-    assert (rewards < -20.0).any()  # a wall is behind the start
+    assert (rewards < -20.0).any()  # a wall is behind the starts
 
 
 @pytest.mark.parametrize("discount", [math.nan, math.inf, -0.1, 1.5])
 def test_a_discount_is_a_share(discount: float) -> None:
     with pytest.raises(ScenarioError, match=rf"discount = {discount:g}: choose 0 to 1"):
         parking_task("face-to-face", shaping="potential", discount=discount)
+
+
+@pytest.mark.parametrize("flag", ["team", "late_ends"])
+def test_a_word_is_no_flag(flag: str) -> None:
+    with pytest.raises(ScenarioError, match=f"{flag} = 'yes': choose True or False"):
+        parking_task("face-to-face", **{flag: "yes"})
+
+
+def test_a_flag_is_no_number_of_vehicles() -> None:
+    with pytest.raises(ScenarioError, match="True: choose a whole number, 1 to 64"):
+        parking_task("gate", vehicles=True)
 
 
 def test_a_goal_is_reached_within_half_a_metre_and_10_degrees() -> None:

@@ -20,7 +20,7 @@ from race_server.envs.parking.reset import LotTemplates
 from race_server.envs.parking.reward_terms import ENDINGS, REWARDS, SHAPINGS, TERMS
 from race_server.envs.task import Kernel, Task
 from race_server.errors import ScenarioError
-from race_server.scenario.checked import check_number
+from race_server.scenario.checked import check_flag, check_number
 from race_server.scenario.race import Scenario, make_worlds
 
 BEFORE = dict.fromkeys(("way", "turn", "steering"), np.float64)
@@ -51,10 +51,12 @@ class Parking:
         """Check the names.
 
         Raises:
-            ScenarioError: there is no such heuristic or shaping, or the discount is none.
+            ScenarioError: there is no such heuristic or shaping, or a number or flag is none.
         """
         heuristic_named(self.heuristic)
         check_number("discount", self.discount, 0.0, 1.0)
+        check_flag("late_ends", self.late_ends)
+        check_flag("team", self.team)
         if self.shaping not in SHAPINGS:
             known = ", ".join(SHAPINGS)
             raise ScenarioError(f"shaping {self.shaping!r} is unknown; choose one of {known}")
