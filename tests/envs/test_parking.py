@@ -161,8 +161,9 @@ def test_a_word_is_no_flag(flag: str) -> None:
 
 
 def test_a_flag_is_no_number_of_vehicles() -> None:
+    task = parking_task("gate", vehicles=True)
     with pytest.raises(ScenarioError, match="True: choose a whole number, 1 to 64"):
-        parking_task("gate", vehicles=True)
+        Batch(task)
 
 
 def test_a_goal_is_reached_within_half_a_metre_and_10_degrees() -> None:
