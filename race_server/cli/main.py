@@ -6,7 +6,7 @@ import sys
 import traceback
 import warnings
 from importlib.metadata import entry_points
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 from rich.markup import escape  # noqa: TID251  # what typer shows is markup
@@ -150,12 +150,20 @@ def main() -> None:
         sys.exit(1)
 
 
-def _warn(message: Warning | str, category: type[Warning], *place: Any) -> None:
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Tell a warning of ours in one line; others with the place that they come from."""
+    del file
     if category is UserWarning:
         say(f"warning: {message}", error=True)
     else:
-        say(warnings.formatwarning(message, category, *place[:2]), error=True)
+        say(warnings.formatwarning(message, category, filename, lineno, line), error=True)
 
 
 def _refusal(error: Exception) -> str:

@@ -27,7 +27,7 @@ def _standing(seat: Seat, world: World, leader: int, log: EventLog) -> Standing:
     parking = figures_of(world, number)
     is_parked = parking is not None and parking.ending is Ending.PARKED
     status = Status(int(world.bodies[0, number].status))
-    # Who stands in the own slot before the lights go out has parked before the race began.
+    # A vehicle that stands in its slot at the lights has parked before the race began.
     end_us = max(int(racer.finish_us), 0) + int(racer.penalty_us)
     race_us = end_us if status == codes.FINISHED else 0
     return Standing(
