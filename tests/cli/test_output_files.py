@@ -83,7 +83,7 @@ def test_plans_that_are_driven_have_no_picture(tmp_path: Path) -> None:
     assert told.endswith("leave --plot out")
 
 
-@pytest.mark.parametrize("words", ["trial --csv", "coach", "limit oval --plot", "lot check"])
+@pytest.mark.parametrize("words", ["trial --csv", "coach", "limit oval --plot"])
 def test_a_name_that_is_too_long_is_refused_in_one_line(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -94,6 +94,18 @@ def test_a_name_that_is_too_long_is_refused_in_one_line(
     assert told.out == ""
     assert told.err.endswith(": File name too long; name another file or folder\n")
     assert told.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["lot", "track"])
+def test_a_lot_or_track_of_a_name_that_is_too_long_for_a_file_is_unknown(
+    kind: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["race", kind, "check", "x" * 300])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    told = capsys.readouterr().err
+    assert f"'{'x' * 300}' is unknown; choose one of" in told
+    assert told.count("\n") == 1
 
 
 def test_a_disk_that_is_full_is_told_in_one_line() -> None:
