@@ -98,12 +98,11 @@ def rows(setting: Setting) -> list[Row]:
             result.append((case, max(tries, key=badness)))
         return result
 
-    met = outcomes([*people(vehicle)], lambda each: each.impact or 0.0)
-    cars = outcomes([*karts(vehicle)], lambda each: each.impact or 0.0)
+    met = outcomes([*people(vehicle), *karts(vehicle)], lambda each: each.impact or 0.0)
     aside = outcomes([*bystanders(vehicle)], lambda each: -each.braked_s)
     result = []
     for name in ("CPLA", "CPNA", "CPFA", "CPNCO", "CCRs", "CCRm", "CCRb"):
-        mine = [each for each in (*met, *cars) if each[0].name == name]
+        mine = [each for each in met if each[0].name == name]
         hit = [outcome for _, outcome in mine if outcome.impact is not None]
         worst = max((outcome.impact or 0.0 for outcome in hit), default=0.0)
         bound = 1.0 - (_unavoidable(vehicle) if name == "CPNCO" else 0.0)
@@ -118,8 +117,8 @@ def rows(setting: Setting) -> list[Row]:
             )
         )
     if calculator() is not None:
-        result += [_points(name, [*met, *cars], vehicle) for name in MATRICES]
-    visible = [each for each in (*met, *cars) if each[0].name != "CPNCO"]
+        result += [_points(name, met, vehicle) for name in MATRICES]
+    visible = [each for each in met if each[0].name != "CPNCO"]
     leads = [outcome.lead_s for _, outcome in visible if math.isfinite(outcome.braked_s)]
     early = float(np.mean([lead >= 0.8 for lead in leads])) if leads else 0.0
     result.append(
