@@ -82,7 +82,7 @@ def _of(agent: str) -> str:
 
 
 def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[Any]:
-    """Return actions as an array of floats of a kind.
+    """Return actions as an array of floats of a kind; what is too large for it is infinite.
 
     Raises:
         ScenarioError: they are no numbers.
@@ -90,7 +90,8 @@ def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[
     wrong = f"action {actions!r}: give numbers"
     try:
         given = np.asarray(actions)
-        converted = given.astype(kind, copy=False) if given.dtype.kind not in "cSU" else None
+        with np.errstate(over="ignore"):
+            converted = given.astype(kind, copy=False) if given.dtype.kind not in "cSU" else None
     except (TypeError, ValueError) as error:
         raise ScenarioError(wrong) from error
     if converted is None:  # complex numbers or text, which numpy would convert

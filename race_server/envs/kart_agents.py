@@ -1,5 +1,6 @@
 """What a race has in common, here or on a server, where its karts are agents of PettingZoo."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from race_server.envs.spaces import action_space
+from race_server.errors import ScenarioError
 
 Vector = NDArray[np.float32]
 
@@ -35,3 +37,16 @@ class KartAgents(ParallelEnv[str, Vector, Any]):
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return what `agent` may do: always the same object."""
         return self.action_spaces[agent]
+
+    def check_actions(self, actions: Mapping[str, Any]) -> None:
+        """Check that actions are given by the names of agents.
+
+        Raises:
+            ScenarioError: they are not, or one is of no agent.
+        """
+        if not isinstance(actions, Mapping):
+            raise ScenarioError(f"actions {actions!r:.60}: give a dictionary, an action by agent")
+        if strangers := sorted(actions.keys() - self.action_spaces.keys(), key=str):
+            raise ScenarioError(
+                f"action of {strangers[0]!r}: choose of {', '.join(self.possible_agents)}"
+            )

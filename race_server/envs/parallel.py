@@ -162,15 +162,17 @@ class KartRace(KartAgents):
         """Put the actions of agents into those of the batch. numbers: of the agents' karts."""
         given = self.batch.buffers.actions[0]
         width = given.shape[1]
-        if len(actions) != len(numbers):
-            self._check_agents(actions)
+        if not isinstance(actions, dict) or len(actions) != len(numbers):
+            self.check_actions(actions)
         try:
             rows = [actions[agent] for agent in self.agents]
             if len(rows) == len(given) and {*map(len, rows)} == {width}:
-                np.concatenate(rows, out=given.reshape(-1), casting="same_kind")
+                with np.errstate(over="ignore"):
+                    np.concatenate(rows, out=given.reshape(-1), casting="same_kind")
                 return
             shape = (len(numbers), width)
-            block = np.array(rows).astype(np.float32, casting="same_kind")
+            with np.errstate(over="ignore"):
+                block = np.array(rows).astype(np.float32, casting="same_kind")
             if block.shape == shape or (width == 1 and block.shape == shape[:1]):
                 given[:] = self._rest
                 given[numbers] = block.reshape(shape)
@@ -178,17 +180,11 @@ class KartRace(KartAgents):
         except (KeyError, ValueError, TypeError):
             pass
         # One is missing, or it is not what it should be: which one?
-        self._check_agents(actions)
+        self.check_actions(actions)
         given[:] = self._rest
         for agent, k in zip(self.agents, numbers, strict=True):
             if agent in actions:
                 given[k] = action_as(actions[agent], width, agent)
-
-    def _check_agents(self, actions: dict[str, Any]) -> None:
-        if strangers := sorted(actions.keys() - self._numbers.keys(), key=str):
-            raise ScenarioError(
-                f"action of {strangers[0]!r}: choose of {', '.join(self.possible_agents)}"
-            )
 
     def episode_of(self, agent: str) -> dict[str, Any]:
         """Return figures of the episode of an agent that ended last, see `Batch.episode_of`."""

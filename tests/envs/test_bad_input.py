@@ -111,6 +111,8 @@ def test_a_reset_that_is_refused_has_changed_nothing(asked: dict[str, Any], mess
         (np.zeros((3, 1)), r"action of kart_1 of shape \(3, 1\): give \(3,\)"),
         (np.array([1j, 0, 0]), "give numbers"),
         (["0", "0", "0"], "give numbers"),
+        (np.array([1e300, 0, 0]), r"inf at \[.*\]: give finite numbers"),
+        ([0, -1e300, 0], r"-inf at \[.*\]: give finite numbers"),
     ],
 )
 def test_an_action_of_another_kind_is_refused(wrong: Any, message: str) -> None:
@@ -131,6 +133,11 @@ def test_an_action_of_no_agent_is_refused_and_one_of_an_agent_that_is_done_is_no
         race.step({"kart_9": np.zeros(3)})
     with pytest.raises(ScenarioError, match="action of 'kart_9'"):
         race.step({"kart_0": np.zeros(3), "kart_9": np.zeros(3)})  # in place of kart_1's
+    for nothing in (None, [np.zeros(3)] * 2):
+        with pytest.raises(
+            ScenarioError, match=r"actions .*: give a dictionary, an action by agent"
+        ):
+            race.step(nothing)  # type: ignore[arg-type]
     race.agents = ["kart_1"]
     race.step({"kart_0": np.zeros(3), "kart_1": np.zeros(3)})
 

@@ -182,6 +182,20 @@ def test_a_goal_is_reached_within_half_a_metre_and_10_degrees() -> None:
     assert reward(0.6, 0.0, crashed=True) == -1.0 + CRASH
 
 
+def test_goals_may_be_lists_and_what_is_no_goal_is_refused() -> None:
+    env: Any = gymnasium.make(registration.PARK_GOAL, disable_env_checker=True).unwrapped
+    goal = [1.0, 2.0, 1.0, 0.0, 0.0]
+    assert env.compute_reward([goal, goal], [goal, goal], [{}, {"crashed": True}]).tolist() == [
+        *(0.0, CRASH)
+    ]
+    with pytest.raises(ScenarioError, match=r"achieved goals \[1.0\]: give numbers of the shape"):
+        env.compute_reward(goal[:1], goal, {})
+    with pytest.raises(ScenarioError, match=r"desired goals .*: give numbers of the shape"):
+        env.compute_reward(goal, [goal, goal[:4]], {})
+    with pytest.raises(ScenarioError, match=r"infos = None: give that of each step"):
+        env.compute_reward(goal, goal, None)
+
+
 def test_pettingzoo_finds_nothing_wrong_with_vehicles_that_park() -> None:
     parallel_api_test(parallel_lot(vehicles=3), num_cycles=60)
 

@@ -43,7 +43,7 @@ def test_a_stuck_kart_accepts_its_rescue_as_in_training() -> None:
     )
     kart = RemoteKart(seat)
     assert kart.begin(0.0)
-    kart.answer(CONTINUOUS, [0.5, 0.0, 0.0])
+    kart.answer(CONTINUOUS, np.array([0.5, 0.0, 0.0], np.float32))
     assert said[0].buttons == Button.ACCEPT_RESCUE
 
 
@@ -173,7 +173,9 @@ def test_a_remote_race_is_the_race_of_the_training_world(action: str) -> None:
         for turn in range(50 if action in ADDED_UP else 200):
             for agent in local.agents:
                 np.testing.assert_allclose(there[agent], here[agent], rtol=0.0, atol=tolerance)
-            actions = {agent: wild(action, turn, agent) for agent in local.agents}
+            # Now and then one of them says nothing.
+            told = [agent for agent in local.agents if agent != "kart_2" or turn % 5]
+            actions = {agent: wild(action, turn, agent) for agent in told}
             here, gained, over, _, infos = local.step(actions)
             there, gained_there, over_there, _, infos_there = remote.step(actions)
             assert over == over_there
@@ -199,6 +201,16 @@ def test_a_crash_is_known_in_the_step_in_which_the_kart_is_out() -> None:
             crashes += infos["kart_0"]["reward_terms"]["crash"]
             assert over["kart_0"] == (crashes > 0.0) == (rewards["kart_0"] < -1.0)
     assert crashes == 1.0
+
+
+def test_an_action_that_is_none_is_refused_and_the_race_goes_on() -> None:
+    with served(scenario(1), drivers=1) as live, joined(live) as race:
+        race.reset()
+        for wrong in ({"kart_0": (1.0,)}, {"kart_0": (np.nan, 0.0, 0.0)}, {"kart_9": 0.0}, None):
+            with pytest.raises(ScenarioError, match=r"^actions? .*: (give|choose of kart_0)"):
+                race.step(wrong)  # type: ignore[arg-type]
+        race.step({"kart_0": (1.0, 0.0, 0.0)})
+        assert race.agents == ["kart_0"]
 
 
 def test_the_next_reset_waits_for_the_next_race_even_in_the_middle_of_one() -> None:

@@ -122,7 +122,11 @@ class GoalView:
 
         achieved, desired: (n, g) or (g,); infos: of each step, or one of all, in which `crashed`
         may be an array, as Gymnasium's vectors have it; what crashed costs more, whatever the goal.
+
+        Raises:
+            ScenarioError: the goals have another shape or are no numbers, or the infos are none.
         """
+        achieved, desired = self._goals("achieved", achieved), self._goals("desired", desired)
         if self.reward == "sparse":
             reward = is_reached(self.level, achieved, desired, self.top_speed) - 1.0
         else:
@@ -131,11 +135,25 @@ class GoalView:
             reward = -np.sqrt((np.abs(achieved - desired) * weights).sum(axis=-1))
         return np.asarray(reward + CRASH * _crashed(infos))
 
+    def _goals(self, name: str, given: Any) -> Array:
+        size = len(TRAILER_WEIGHTS if "hitch" in self.own else WEIGHTS)
+        try:
+            goals = np.asarray(given)
+        except ValueError:  # rows of several lengths
+            goals = np.empty(0)
+        if goals.ndim not in (1, 2) or goals.shape[-1] != size or goals.dtype.kind not in "fiu":
+            raise ScenarioError(
+                f"{name} goals {given!r:.60}: give numbers of the shape (n, {size}) or ({size},)"
+            )
+        return goals
+
 
 def _crashed(infos: Mapping[str, Any] | Sequence[Any]) -> Array:
     """Return 1 where a vehicle crashed, and 0 elsewhere: (n,), or () of a single info."""
     if isinstance(infos, Mapping):
         return np.asarray(infos.get("crashed", False), np.bool_).astype(np.float64)
+    if infos is None:
+        raise ScenarioError("infos = None: give that of each step; a crash stands there")
     return np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
 
 

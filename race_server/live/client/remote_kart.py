@@ -9,9 +9,9 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.messages import Button, Control, Event, EventKind
 from race_server.core.observation import Observation
-from race_server.core.state import Floats
+from race_server.core.state import Float32s, Floats
 from race_server.core.vehicles import vehicle_record
-from race_server.envs.actions import MEMORY, WIDTHS, Driven, discrete_table, read_action
+from race_server.envs.actions import MEMORY, Driven, discrete_table, read_action
 from race_server.envs.racing import reward_terms
 from race_server.envs.racing.reward_terms import TERMS
 from race_server.errors import WireError
@@ -84,11 +84,8 @@ class RemoteKart:
         self.seen = Observation(frame.tick, self.seat.layout, frame.values)
         return True
 
-    def answer(self, kind: int, action: Any) -> None:
-        """Answer the newest observation with what an action means."""
-        numbers = np.nan_to_num(np.ravel(np.asarray(action, np.float32)))
-        given = np.zeros(WIDTHS[kind], np.float32)
-        given[: len(numbers)] = numbers
+    def answer(self, kind: int, given: Float32s) -> None:
+        """Answer the newest observation with what an action means. given: (A,), of that kind."""
         wanted, now = self._commanded, self.seen.scalar
         kart = Driven(now("speed"), self._buttons, int(now("rescue_offered")))
         read_action(kind, given, self._table, kart, self._vehicle, self._memory, wanted)
