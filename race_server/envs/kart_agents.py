@@ -8,7 +8,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from race_server.envs.spaces import action_space
+from race_server.envs.actions import DISCRETE, WIDTHS, action_kind
+from race_server.envs.spaces import ROLL, action_space
 from race_server.errors import ScenarioError
 
 Vector = NDArray[np.float32]
@@ -28,6 +29,9 @@ class KartAgents(ParallelEnv[str, Vector, Any]):
         self.action_spaces: dict[str, spaces.Space[Any]] = {
             agent: action_space(action) for agent in self.possible_agents
         }
+        kind = action_kind(action)
+        still = ROLL if kind == DISCRETE else 0
+        self._rest = np.full(WIDTHS[kind], still, np.float32)  # of an agent without an action
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return what `agent` may see: always the same object."""

@@ -20,7 +20,7 @@ from race_server.envs.global_state import global_states, state_space
 from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.presets import parking_task, race_task
 from race_server.envs.saved_state import own_part_in
-from race_server.envs.spaces import ROLL, masks_for, observation_space
+from race_server.envs.spaces import masks_for, observation_space
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.checked import check_whole
@@ -61,7 +61,6 @@ class KartRace(KartAgents):
         }
         self.state_space = state_space(self.batch.world)
         self._is_discrete = isinstance(self.action_space("kart_0"), spaces.Discrete)
-        self._rest = float(ROLL) if self._is_discrete else 0.0  # of an agent without an action
         self._steps = 0
         self._draws: list[Any] = []  # (G,) of each kart
         self._seated: list[str] = []  # agents whose karts are `_seats`
@@ -166,12 +165,11 @@ class KartRace(KartAgents):
             self.check_actions(actions)
         try:
             rows = [actions[agent] for agent in self.agents]
-            if len(rows) == len(given) and {*map(len, rows)} == {width}:
-                with np.errstate(over="ignore"):
-                    np.concatenate(rows, out=given.reshape(-1), casting="same_kind")
-                return
             shape = (len(numbers), width)
             with np.errstate(over="ignore"):
+                if len(rows) == len(given) and {*map(len, rows)} == {width}:
+                    np.concatenate(rows, out=given.reshape(-1), casting="same_kind")
+                    return
                 block = np.array(rows).astype(np.float32, casting="same_kind")
             if block.shape == shape or (width == 1 and block.shape == shape[:1]):
                 given[:] = self._rest

@@ -78,6 +78,11 @@ class GoalView:
         return OWN_WITH_TRAILER if "hitch" in self.layout.slices else OWN
 
     @property
+    def weights(self) -> Array:
+        """Of the dense reward: how much each number of a goal counts, (5,) or (7,)."""
+        return TRAILER_WEIGHTS if "hitch" in self.layout.slices else WEIGHTS
+
+    @property
     def space(self) -> spaces.Dict:
         """The space of what `split` returns."""
         place = np.arange(self.layout.size)
@@ -131,12 +136,11 @@ class GoalView:
             reward = is_reached(self.level, achieved, desired, self.top_speed) - 1.0
         else:
             # Not a matrix product, which rounds a single goal differently.
-            weights = TRAILER_WEIGHTS if "hitch" in self.own else WEIGHTS
-            reward = -np.sqrt((np.abs(achieved - desired) * weights).sum(axis=-1))
+            reward = -np.sqrt((np.abs(achieved - desired) * self.weights).sum(axis=-1))
         return np.asarray(reward + CRASH * _crashed(infos))
 
     def _goals(self, name: str, given: Any) -> Array:
-        size = len(TRAILER_WEIGHTS if "hitch" in self.own else WEIGHTS)
+        size = len(self.weights)
         try:
             goals = np.asarray(given)
         except ValueError:  # rows of several lengths

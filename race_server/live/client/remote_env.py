@@ -6,17 +6,16 @@ from contextlib import suppress
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-import numpy as np
 from gymnasium import spaces
 
 from race_server.core.messages import EventKind
 from race_server.core.observation import PRESETS, layout_of
 from race_server.core.state import Floats
 from race_server.envs.action_shapes import action_as
-from race_server.envs.actions import DISCRETE, RESIDUAL, WIDTHS, action_kind
+from race_server.envs.actions import RESIDUAL, action_kind
 from race_server.envs.kart_agents import KartAgents, Vector
 from race_server.envs.racing.reward_terms import TERMS, reward_weights
-from race_server.envs.spaces import ROLL, observation_space
+from race_server.envs.spaces import observation_space
 from race_server.errors import LinkError, ScenarioError, SeatError
 from race_server.live.client.remote_kart import RaceEvents, RemoteKart
 from race_server.live.client.seat import ClientSeat, insist, take_seat
@@ -93,9 +92,6 @@ class RemoteRace(KartAgents):
                 "action 'residual' advises a driver inside the world, and a live race has none "
                 "there: choose another, or drive `learned:NAME`"
             )
-        # Of an agent without an action.
-        still = float(ROLL) if self._action == DISCRETE else 0.0
-        self._rest = np.full(WIDTHS[self._action], still, np.float32)
         self._link: ClientLink | None = None
         self._karts: dict[str, RemoteKart] = {}
 
