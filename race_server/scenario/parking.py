@@ -7,6 +7,7 @@ from race_server.core import codes
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import ScenarioError
 from race_server.scenario.level import level_named
+from race_server.scenario.lot.faults import small_slots
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.limits import LEAST_ROUND_S, MOST_ROUND_S
@@ -38,7 +39,8 @@ def parking_scenario(
     vehicle, level, limit_s: as the lot says, unless given.
 
     Raises:
-        LotError, VehicleError, ScenarioError: one of them does not exist, or is no time limit.
+        LotError, VehicleError, ScenarioError: one of them does not exist, or is no time limit; or
+            the vehicle does not fit into the slots, and has to.
     """
     if limit_s and not LEAST_ROUND_S <= limit_s <= MOST_ROUND_S:
         raise ScenarioError(
@@ -47,11 +49,18 @@ def parking_scenario(
         )
     course = load_lot(lot)
     assert course.lot is not None
+    driven, wanted = (
+        vehicle_named(vehicle or course.lot.vehicle),
+        level_named(level or course.lot.level),
+    )
+    if wanted.fits:
+        for fault in small_slots(course, driven):
+            raise ScenarioError(f"{course.name}: {fault}")
     return Scenario(
         course,
         karts=vehicles,
-        vehicles=(vehicle_named(vehicle or course.lot.vehicle),),
+        vehicles=(driven,),
         rules=replace(LOT_RULES, limit_s=limit_s or course.lot.limit_s),
         fitted=(codes.RADAR,),
-        level=level_named(level or course.lot.level),
+        level=wanted,
     )

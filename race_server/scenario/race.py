@@ -29,7 +29,6 @@ from race_server.scenario.level import level_named
 from race_server.scenario.sensors import Lidar, Radar, fan, radar_fan, sensor_records
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.line import ReferenceLine
-from race_server.scenario.track.lot import small_slots
 from race_server.scenario.track.lots import make_parking
 from race_server.scenario.track.route import pack_route
 from race_server.scenario.track.walls import fence_of, pack_walls
@@ -189,10 +188,6 @@ def _check(scenario: Scenario) -> None:
                 "vehicles cannot share one"
                 + (", and each needs one to start in" if course.lot.from_slots else "")
             )
-        if scenario.level is not None and scenario.level.fits:
-            for vehicle in dict.fromkeys(map(scenario.vehicle_of, range(scenario.karts))):
-                for fault in small_slots(course.lot, vehicle):
-                    raise ScenarioError(f"{course.name}: {fault}")
     if rules.laps < 0:
         raise ScenarioError(f"{rules.laps} laps: choose 1 or more, or 0 for no limit")
     for policy in (rules.wall_contact, rules.kart_contact):

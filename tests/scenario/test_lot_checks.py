@@ -20,7 +20,7 @@ from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.ways import cut_off, ways_in
 from race_server.scenario.parking import parking_scenario
-from race_server.scenario.race import Scenario, make_world
+from race_server.scenario.race import make_world
 from support.lots import ONE_BAY
 
 GATE = f"walls = [[20, 0, 20, {{low}}], [20, {{high}}, 20, 20]]{ONE_BAY}"
@@ -298,9 +298,7 @@ def test_a_lot_is_drawn_with_a_round_in_it(suffix: str, tmp_path: Path) -> None:
 
 
 def test_a_vehicle_too_large_for_the_slots_of_a_zone_makes_no_round_where_it_has_to_fit() -> None:
-    def car(level: str) -> Scenario:
-        return parking_scenario("zone-30", vehicle="car", level=level)
-
     with pytest.raises(ScenarioError, match=r"zone-30: a slot of 3 by 2 m is too small for car"):
-        make_world(car("parked"))
-    make_world(car("report-a-1"))  # within half a metre of its middle
+        parking_scenario("zone-30", vehicle="car", level="parked")
+    within_half_a_metre = parking_scenario("zone-30", vehicle="car", level="report-a-1")
+    make_world(within_half_a_metre)

@@ -8,16 +8,15 @@ from race_server.core.vehicles import Vehicle
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
-from race_server.scenario.track.lot import EQUAL, small_slots
 
 TOUCH = 0.05  # [m] an obstacle or another slot may reach so far into a slot
+EQUAL = 1e-9  # [m] of a sum of lengths that are rounded
 
 
 def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
     """Yield a sentence for everything that keeps a vehicle from parking in a car park."""
     yield from _missing(course)
-    assert course.lot is not None
-    yield from small_slots(course.lot, vehicle)
+    yield from small_slots(course, vehicle)
     yield from _hidden_slots(course)
     yield from _shared_slots(course)
     yield from _large_taken(course)
@@ -43,6 +42,19 @@ def _missing(course: Course) -> Iterator[str]:
     for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
         if count and role not in roles:
             yield f"[{role}] count = {count}: give a zone with role = {role!r}"
+
+
+def small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
+    """Yield a sentence for each size of slots that a vehicle does not fit into."""
+    assert course.lot is not None
+    sizes = course.lot.slots[:, 3:] if len(course.lot.slots) else np.array([course.lot.slot_size])
+    for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
+        whole = vehicle.overall_length, vehicle.overall_width
+        if length < whole[0] - EQUAL or width < whole[1]:
+            yield (
+                f"a slot of {length:g} by {width:g} m is too small for {vehicle.name}, which is "
+                f"{whole[0]:g} by {whole[1]:g} m; make it larger, or choose another vehicle"
+            )
 
 
 def _hidden_slots(course: Course) -> Iterator[str]:

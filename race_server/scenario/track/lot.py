@@ -1,16 +1,11 @@
 """What a course has of a car park: slots or zones of goals, and what is drawn for each round."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from race_server.core.vehicles import Vehicle
-
 Floats = NDArray[np.float64]
-
-EQUAL = 1e-9  # [m] of a sum of lengths that are rounded
 
 
 @dataclass(frozen=True)
@@ -78,15 +73,3 @@ class Lot:
         if any(zone.x[0] < zone.x[1] or zone.y[0] < zone.y[1] for zone in goals):
             return None
         return len({(zone.x[0], zone.y[0]) for zone in goals})
-
-
-def small_slots(lot: Lot, vehicle: Vehicle) -> Iterator[str]:
-    """Yield a sentence for each size of slots that a vehicle does not fit into."""
-    sizes = lot.slots[:, 3:] if len(lot.slots) else np.array([lot.slot_size])
-    for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
-        whole = vehicle.overall_length, vehicle.overall_width
-        if length < whole[0] - EQUAL or width < whole[1]:
-            yield (
-                f"a slot of {length:g} by {width:g} m is too small for {vehicle.name}, which is "
-                f"{whole[0]:g} by {whole[1]:g} m; make it larger, or choose another vehicle"
-            )
