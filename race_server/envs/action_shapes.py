@@ -87,13 +87,12 @@ def numbers(actions: Any, kind: type[np.floating[Any]] = np.float32) -> NDArray[
     Raises:
         ScenarioError: they are no numbers.
     """
-    wrong = f"action {actions!r}: give numbers"
     try:
         given = np.asarray(actions)
         with np.errstate(over="ignore"):
             converted = given.astype(kind, copy=False) if given.dtype.kind not in "cSU" else None
-    except (TypeError, ValueError) as error:
-        raise ScenarioError(wrong) from error
-    if converted is None:  # complex numbers or text, which numpy would convert
-        raise ScenarioError(wrong)
+    except (TypeError, ValueError):
+        converted = None
+    if converted is None:  # complex numbers or text, which numpy would convert, or no array
+        raise ScenarioError(f"action {actions!r}: give numbers")
     return converted
