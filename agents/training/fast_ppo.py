@@ -19,6 +19,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.utils import explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from threadpoolctl import threadpool_limits
+from torch import nn
 
 from race_agents.training.gaussian_mlp import (
     HALF_LOG_TAU,
@@ -46,10 +47,11 @@ class FastPpo(PPO):
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._parts: list[GaussianMlp] = []
+        self._gradients: list[tuple[nn.Parameter, torch.Tensor]] = []
         super().__init__(*arguments, **options)
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_pool", "_parts"]
+        return [*super()._excluded_save_params(), "_pool", "_parts", "_gradients"]
 
     def _networks(self) -> list[GaussianMlp]:
         """Return actor and critic for each thread; none where SB3 is to do the work."""
@@ -66,6 +68,7 @@ class FastPpo(PPO):
             self._parts = [
                 GaussianMlp(actor, critic, rows) for _ in range(max(self.threads // 2, 1))
             ]
+            self._gradients = self._gradients_of(self._parts[0])
             if type(self.policy.optimizer) is torch.optim.Adam:
                 # One call for all parameters, with the same steps.
                 self.policy.optimizer.param_groups[0]["fused"] = True
@@ -124,7 +127,7 @@ class FastPpo(PPO):
 
         def draw() -> tuple[Rows, Rows]:
             means = network.act(known)
-            noise = torch.normal(torch.zeros(means.shape), torch.ones(means.shape)).numpy()
+            noise = torch.randn(means.shape).numpy()  # the numbers that SB3's distribution draws
             squares = np.square(noise).sum(axis=1)
             log_chances = -0.5 * squares - np.float32((log_spread + HALF_LOG_TAU).sum())
             return means + noise * np.exp(log_spread), log_chances
@@ -232,23 +235,25 @@ class FastPpo(PPO):
                 for other in further:
                     for mine, theirs in zip(pair, other.gradients[place], strict=True):
                         np.add(mine, theirs, out=mine)
-        spread = sum((other.spread_gradient for other in others), first.spread_gradient.copy())
-        policy: Any = self.policy
-        gradients = [(policy.log_std, torch.from_numpy(spread - np.float32(self.ent_coef)))]
-        modules = (
-            ([*policy.mlp_extractor.policy_net, policy.action_net], first.actor),
-            ([*policy.mlp_extractor.value_net, policy.value_net], first.critic),
-        )
-        for chain, stack in modules:
-            for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
-                gradients += [
-                    (module.weight, torch.from_numpy(weight)),
-                    (module.bias, torch.from_numpy(bias)),
-                ]
-        for parameter, gradient in gradients:  # an optimiser steps whatever has a gradient
+        for other in others:
+            np.add(first.spread_gradient, other.spread_gradient, out=first.spread_gradient)
+        np.subtract(first.spread_gradient, np.float32(self.ent_coef), out=first.spread_gradient)
+        for parameter, gradient in self._gradients:  # an optimiser steps whatever has a gradient
             parameter.grad = gradient if parameter.requires_grad else None
-        torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
-        policy.optimizer.step()
+        torch.nn.utils.clip_grad_norm_([one for one, _ in self._gradients], self.max_grad_norm)
+        self.policy.optimizer.step()
+
+    def _gradients_of(self, network: GaussianMlp) -> list[tuple[nn.Parameter, torch.Tensor]]:
+        """Return the policy's parameters with their gradients, in the memory of a network."""
+        policy: Any = self.policy
+        pairs = [(policy.log_std, network.spread_gradient)]
+        for chain, stack in (
+            ([*policy.mlp_extractor.policy_net, policy.action_net], network.actor),
+            ([*policy.mlp_extractor.value_net, policy.value_net], network.critic),
+        ):
+            for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
+                pairs += [(module.weight, weight), (module.bias, bias)]
+        return [(parameter, torch.from_numpy(gradient)) for parameter, gradient in pairs]
 
     def _log(self, told: list[Told], clip: float) -> None:
         """Record what SB3 records."""
