@@ -227,17 +227,11 @@ class FastPpo(PPO):
     def _descend(self, networks: list[GaussianMlp]) -> None:
         """Add the gradients of all parts up, and let the optimiser take a step."""
         first, *others = networks
-        for stack, further in (
-            (first.actor, [other.actor for other in others]),
-            (first.critic, [other.critic for other in others]),
-        ):
-            for place, pair in enumerate(stack.gradients):
-                for other in further:
-                    for mine, theirs in zip(pair, other.gradients[place], strict=True):
-                        np.add(mine, theirs, out=mine)
         for other in others:
-            np.add(first.spread_gradient, other.spread_gradient, out=first.spread_gradient)
-        np.subtract(first.spread_gradient, np.float32(self.ent_coef), out=first.spread_gradient)
+            for mine, theirs in zip(first.gradients, other.gradients, strict=True):
+                np.add(mine, theirs, out=mine)
+        spread = first.spread_gradient
+        np.subtract(spread, np.float32(self.ent_coef), out=spread)
         for parameter, gradient in self._gradients:  # an optimiser steps whatever has a gradient
             parameter.grad = gradient if parameter.requires_grad else None
         torch.nn.utils.clip_grad_norm_([one for one, _ in self._gradients], self.max_grad_norm)
@@ -246,14 +240,11 @@ class FastPpo(PPO):
     def _gradients_of(self, network: GaussianMlp) -> list[tuple[nn.Parameter, torch.Tensor]]:
         """Return the policy's parameters with their gradients, in the memory of a network."""
         policy: Any = self.policy
-        pairs = [(policy.log_std, network.spread_gradient)]
-        for chain, stack in (
-            ([*policy.mlp_extractor.policy_net, policy.action_net], network.actor),
-            ([*policy.mlp_extractor.value_net, policy.value_net], network.critic),
-        ):
-            for module, (weight, bias) in zip(chain[::2], stack.gradients, strict=True):
-                pairs += [(module.weight, weight), (module.bias, bias)]
-        return [(parameter, torch.from_numpy(gradient)) for parameter, gradient in pairs]
+        actor = [*policy.mlp_extractor.policy_net, policy.action_net]
+        critic = [*policy.mlp_extractor.value_net, policy.value_net]
+        modules = [*actor[::2], *critic[::2]]
+        parameters = [policy.log_std, *(each for one in modules for each in (one.weight, one.bias))]
+        return list(zip(parameters, map(torch.from_numpy, network.gradients), strict=True))
 
     def _log(self, told: list[Told], clip: float) -> None:
         """Record what SB3 records."""

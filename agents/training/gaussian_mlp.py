@@ -135,6 +135,9 @@ class GaussianMlp:
     def __init__(self, actor: list[Layer], critic: list[Layer], rows: int) -> None:
         self.actor, self.critic = Stack(actor, rows), Stack(critic, rows)
         self.spread_gradient = np.zeros(len(actor[-1].bias), np.float32)
+        pairs = [*self.actor.gradients, *self.critic.gradients]
+        # By the logarithms of spreads, then by weights and biases from the actor's first layer on.
+        self.gradients = [self.spread_gradient, *(each for pair in pairs for each in pair)]
         self._seen = actor[0].weight.shape[1]  # the first numbers of what the critic knows
 
     def act(self, known: Rows) -> Rows:
