@@ -79,8 +79,9 @@ class RaceSettings(Table):
     # Numbers of karts, one drawn for each race, the last ones left out; none: always all.
     fields: tuple[int, ...] = ()
     rules: dict[str, Any] = Field(default={})
-    # Half of the races have no items: boxes that are always there a policy takes for granted.
-    half_without_items: bool = False
+    # Half of the races have no items: boxes that are always there a policy takes for granted. None
+    # is not written, so that digests of settings from before are as they were.
+    half_without_items: bool | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -28,6 +28,7 @@ from race_agents.training.settings import Goal, Tracks
 from race_server.envs.racing.reward_terms import REWARDS
 from race_server.errors import ScenarioError
 
+RESULTS = Path(__file__).parents[2] / "docs" / "results"
 TINY = TrainingScale(
     steps=128,
     seeds=1,
@@ -95,6 +96,26 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
     assert all(len(row.theirs) in (0, len(plan.their_heads)) for row in plan.rows)
     assert len({row.name for row in plan.rows}) == len(plan.rows)
     assert not plan.base or plan.base in {row.name for row in plan.rows}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "park-gate",
+        "report-a-parking-aids",
+        "report-a-scenario-1",
+        "report-b-units",
+        "report-c-heuristics",
+    ],
+)
+def test_kept_runs_still_count(name: str) -> None:
+    """A setting that is new must not be written where it is not used: digests would be others."""
+    plan, store = reproduction_named(name), RESULTS / name / run.CELLS
+    found = [
+        read_outcome(run._path(store, training), training)
+        for training in trainings_of(plan, plan.full)
+    ]
+    assert sum(one is not None for one in found) == len(list(store.iterdir())) > 0
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
