@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from race_agents.planning.evasion import SEES as EVADER_SEES
+from race_agents.planning.evasion import evade_all
 from race_agents.planning.line_policy import foresee_for_all, remember_for_all
 from race_agents.planning.scan_policy import limit_all
 from race_agents.policies.metadata import PolicyMetadata, preset_for
@@ -48,8 +50,9 @@ SPEED = PART_NUMBERS["speed"]
 LIGHTS = PART_NUMBERS["lights"]
 FINISHED = PART_NUMBERS["finished"]
 RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
-# A policy that drives by the speeds of the line is helped as the drivers on the line are, and one
-# whose file has a limit by the scan as `follow_gap` is; for that more is looked at than it sees.
+# A policy that drives by the speeds of the line is helped as the drivers on the line are, one whose
+# file has a limit by the scan as `follow_gap` is, and one that evades by what is around it; for
+# that more is looked at than it sees.
 LINE_SPEED, LINE_SEES, SCAN_SEES = "line_speed_ahead", "line", "lidar"
 # Parts that tell a policy where its slot is.
 SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
@@ -75,6 +78,8 @@ class Learned:
         more: tuple[str, ...] = PRESETS[LINE_SEES] if self._is_helped else ()
         if nature.scan_limit:
             more = PRESETS[SCAN_SEES]
+        if nature.evades:
+            more = EVADER_SEES
         if self._base is not None:
             more = PRESETS[self._base.preset]
         self.preset = preset_for(nature, self.policy.name, more)
@@ -94,6 +99,12 @@ class Learned:
         self._drive: Callable[[], None] | None = None
         self._places: Ints | None = None
         self._control, self._period = Control(), -1
+        vehicle = briefing.vehicle
+        if self.policy.metadata.evades and vehicle.trailers:
+            raise DriverError(
+                f"{self.policy.name} evades, which is reckoned for one body, and {vehicle.name} "
+                "draws a trailer; export it without"
+            )
         if self._base is not None:
             self._base.reset(briefing)
 
@@ -182,28 +193,30 @@ class Learned:
 
             return advise
 
+        before, behind = self._help(cockpits)
+
         def drive() -> None:
+            before()
             actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
             command_all(self._kind, cockpits, actions, self._table)
+            behind()
 
-        if share := self.policy.metadata.scan_limit:
-            limit = bind(limit_all, cockpits, share)
+        return drive
 
-            def drive_limited() -> None:
-                drive()
-                limit()
+    def _help(self, cockpits: Cockpits) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return what is done before the network answers, and behind it."""
+        nature = self.policy.metadata
+        if nature.evades:
+            return _nothing, bind(evade_all, cockpits)
+        if nature.scan_limit:
+            return _nothing, bind(limit_all, cockpits, nature.scan_limit)
+        if self._is_helped:
+            return bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)
+        return _nothing, _nothing
 
-            return drive_limited
-        if not self._is_helped:
-            return drive
-        foresee, remember = bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)
 
-        def drive_helped() -> None:
-            foresee()
-            drive()
-            remember()
-
-        return drive_helped
+def _nothing() -> None:
+    """Do nothing."""
 
 
 @kernel

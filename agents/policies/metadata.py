@@ -25,6 +25,7 @@ LATER: Mapping[str, Any] = {
     "level": "",
     "more_vehicles": (),
     "scan_limit": 0.0,
+    "evades": False,
 }
 MOST_SCAN_LIMIT = 10.0
 
@@ -51,6 +52,7 @@ class PolicyMetadata:
     level: str = ""  # how well it had to park, if not as each lot says
     more_vehicles: tuple[str, ...] = ()  # with which it learned as well
     scan_limit: float = 0.0  # it brakes beyond this share of the speed of `follow_gap`; 0: never
+    evades: bool = False  # its commands are changed where they would soon touch something
     version: int = VERSION
 
     @property
@@ -145,6 +147,11 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
         raise DriverError(
             f"{name}: scan_limit = {metadata.scan_limit:g}: it is for policies that race by a "
             f"lidar, without a base driver, from 0 to {MOST_SCAN_LIMIT:g}; export it again"
+        )
+    if metadata.evades and (metadata.base or not metadata.lots):
+        raise DriverError(
+            f"{name}: evades = true: it is for policies that park, without a base driver; export "
+            "it again"
         )
     if not TICK_S <= metadata.decision_s <= MOST_DECISION_S:
         raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")

@@ -160,6 +160,7 @@ def metadata_from(settings: Settings, courses: tuple[str, ...]) -> PolicyMetadat
         simulator=__version__,
         base=settings.base,
         scan_limit=settings.scan_limit or 0.0,
+        evades=bool(settings.evades),
     )
 
 

@@ -232,6 +232,9 @@ class Settings(Table):
     # In races and exams the policy brakes beyond this share of the speed of `follow_gap`; it learns
     # without that.
     scan_limit: float | None = Field(default=None, gt=0.0, le=10.0)
+    # In rounds and exams of parking its commands are changed where it would soon touch something;
+    # it learns without that.
+    evades: bool | None = None
     simulator: str = ""  # that moves the vehicles: highway-env; empty: our own
     base: str = ""  # the driver that residual actions advise
     # Observations are clipped to this before they are normalised: without a kart nearby the

@@ -103,6 +103,8 @@ def _check_use(settings: Settings, source: str) -> None:
             f"{source}: scan_limit = {settings.scan_limit:g}: it is for policies that race by a "
             "lidar, without a base driver; leave it out"
         )
+    if settings.evades and not settings.parks:
+        raise ScenarioError(f"{source}: evades = true: it is for policies that park; leave it out")
     if not settings.parks and seconds < decision_s:
         raise ScenarioError(
             f"{source}: evaluation.seconds = {seconds:g}: no decision is made in them; give "

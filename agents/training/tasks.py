@@ -84,6 +84,12 @@ def training_task(settings: Settings) -> Task:
         )
         for choice in choices_of(settings)
     )
+    drawing = [one.vehicle_of(0) for one in scenarios if one.vehicle_of(0).trailers]
+    if settings.evades and drawing:
+        raise ScenarioError(
+            f"evades = true with vehicle = {drawing[0].name!r}: it is reckoned for one body, "
+            "without trailers; leave it out"
+        )
     return _task(settings, scenarios)
 
 

@@ -150,6 +150,8 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
         ({"lidar_rays": 10**9}, "1000000000 rays, at most 2048"),
         ({"scan_limit": -1.0}, "scan_limit = -1: it is for policies that race by a lidar"),
         ({"scan_limit": 1.2, "base": "idm", "action": "residual"}, "scan_limit = 1.2: it is for"),
+        ({"evades": True}, "evades = true: it is for policies that park"),
+        ({"evades": 1}, "evades = 1 in its metadata is not valid"),
         ({"action": "residual", "base": f"learned:{bad}"}, "takes no advice"),
     ):
         onnx.helper.set_model_props(model, {KEY: json.dumps({**words, **change})})

@@ -83,6 +83,15 @@ def test_a_limit_by_the_scan_is_for_policies_that_race_by_a_lidar() -> None:
         read_settings("time-trial-ppo", changes)
 
 
+def test_policies_that_park_one_body_may_evade() -> None:
+    assert read_settings("parking-2").evades
+    with pytest.raises(ScenarioError, match="evades = true: it is for policies that park"):
+        read_settings("time-trial-ppo", ["evades=true"])
+    lorry = read_settings("park-lorry", ["evades=true"])
+    with pytest.raises(ScenarioError, match="evades = true with vehicle = 'lorry-16m5'"):
+        training_task(lorry)
+
+
 def test_a_goal_of_races_is_none_in_a_lot() -> None:
     """It would count as reached at the first evaluation, and end the training."""
     with pytest.raises(ScenarioError, match=r"goal.speed: choose aligned, hits, parked"):
