@@ -1,7 +1,7 @@
 """Brings a vehicle into a slot: plans a way, follows it, and plans again where it has to."""
 
 import math
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import suppress
 
 import numpy as np
@@ -36,6 +36,8 @@ MOST_STEPS, MOST_TOWED_STEPS = 12_000, 100_000
 PAUSE_S = 1.0
 # How long [s] a vehicle that arrived stands before it plans another way to stand better.
 SETTLED_S = 0.5
+# For this share of the time between two commands a vehicle that stands waits for its plan.
+WAIT_SHARE = 0.8
 HOLD = Command(0.0, 0.0, 1.0)
 
 
@@ -143,6 +145,8 @@ class Chauffeur:
                 chart = chart.beside(self._traffic.obstacles(self._seat, all_goals=all_goals))
             steps = MOST_TOWED_STEPS if vehicle.trailers else MOST_STEPS
             self._asked = ask_plan(vehicle, axle, self._order, chart, angle, steps)
+        # A race in lock-step goes on with each answer: while a vehicle stands it may wait for one.
+        wait([self._asked], WAIT_SHARE * self._step_s)
         if not self._asked.done():
             return
         answer = self._asked

@@ -2,6 +2,9 @@
 
 import math
 import pathlib
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -251,6 +254,21 @@ def test_a_car_parks_by_its_answers_of_a_tenth_of_a_second_ago() -> None:
     for one in tries.values():
         assert one.figures["ending"] == "parked", one.figures
         assert np.hypot(*(one.end[:2] - one.order.slot[:2])) < 0.5
+
+
+def test_a_vehicle_that_stands_waits_for_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exam goes on with each answer, as a race in lock-step: 0.05 s would be many decisions."""
+    spec = ExamSpec("1", seeds=[7])
+    (at_once,) = drive_exam(spec, "valet")
+    with ThreadPoolExecutor(1) as pool:
+
+        def ask_late(*task: Any) -> "Future[Path]":
+            return pool.submit(lambda: (time.sleep(0.05), plan_to_slot(*task))[1])
+
+        monkeypatch.setattr("race_agents.planning.chauffeur.ask_plan", ask_late)
+        (late,) = drive_exam(spec, "valet")
+    assert late.figures["is_success"]
+    assert late.figures["time_s"] <= at_once.figures["time_s"] + 0.3
 
 
 def test_a_task_is_the_same_alone_and_among_others() -> None:
