@@ -9,7 +9,6 @@ shut or because a policy does nothing, goes a little way where there is most roo
 """
 
 import math
-from typing import NamedTuple
 
 from race_agents.planning.gap_way import MOUNT
 from race_agents.planning.scan import ray_angle
@@ -26,6 +25,7 @@ from race_server.core.kernel_driver import (
     cockpit_at,
 )
 from race_server.core.kernels.jit import kernel
+from race_server.core.kernels.motion import Command
 from race_server.core.observation import PART_NUMBERS
 from race_server.core.observation_parts import MOVERS
 
@@ -63,14 +63,6 @@ PEDAL, WHEEL, SLOT_PEDAL, BY_SLOT = 0.5, 0.7, 0.25, 1.5
 # To go towards the slot is worth so much room [m]; more room than this [m] is no gain. It may lack
 # so much more room [m] to what moves than where it stands.
 TOWARDS, ENOUGH, LITTLE = 0.2, 0.5, 0.03
-
-
-class Command(NamedTuple):
-    """Controls that are looked at: steering and throttle -1 to 1, brake 0 to 1."""
-
-    steering: float
-    throttle: float
-    brake: float
 
 
 @kernel

@@ -11,13 +11,13 @@ from race_agents.planning.evasion import (
     GOES_S,
     PATIENCE,
     SEES,
-    Command,
     evade,
     lack,
     note_points,
 )
 from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.core.kernel_driver import Cockpit, cockpit_for
+from race_server.core.kernels.motion import Command
 from race_server.core.observation import PART_NUMBERS, layout_of
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import DriverError
