@@ -20,7 +20,9 @@ UNKNOWN = "–"
 MOST_OBSERVATIONS = 1_000_000
 # Metadata beside the observations, with units.
 FACTS = {
-    **dict.fromkeys(("action", "base", "vehicle", "more_vehicles", "lidar_rays"), ""),
+    **dict.fromkeys(
+        ("action", "base", "scan_limit", "evades", "vehicle", "more_vehicles", "lidar_rays"), ""
+    ),
     "lidar_field": " rad",
     "lidar_reach": " m",
     "decision_s": " s",
@@ -185,6 +187,8 @@ def _parts(metadata: dict[str, Any]) -> str:
 def _fact(value: Any) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(value) or UNKNOWN
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return f"{value:g}" if isinstance(value, float) else str(value) or UNKNOWN
 
 
