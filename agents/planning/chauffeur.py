@@ -146,8 +146,7 @@ class Chauffeur:
             steps = MOST_TOWED_STEPS if vehicle.trailers else MOST_STEPS
             self._asked = ask_plan(vehicle, axle, self._order, chart, angle, steps)
         # A race in lock-step goes on with each answer: while a vehicle stands it may wait for one.
-        wait([self._asked], WAIT_SHARE * self._step_s)
-        if not self._asked.done():
+        if not wait([self._asked], WAIT_SHARE * self._step_s).done:
             return
         answer = self._asked
         self._forget_way()

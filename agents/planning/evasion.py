@@ -47,9 +47,8 @@ APART, CLEAR = 0.5, 0.1
 # What moves and was not met by a ray for longer [s] may be anywhere. What is wider [m] than a
 # person is as long as the vehicle itself, along its motion if it is faster than this [m/s].
 LATEST, PERSON, MOVES = 2.0, 0.45, 0.2
-# Points of a scan are looked at up to this range [m], about this number of them at most, and only
-# where they are nearer to the body than this [m].
-FAR, POINTS, NEAR = 5.0, 50, 1.0
+# Points of a scan are looked at up to this range [m], about this number of them at most.
+FAR, POINTS = 5.0, 50
 # Share of the brakes that is reckoned with, and the time until they act [s].
 BRAKE_SHARE, LAG_S = 0.55, 0.1
 # What it costs [m of room]: to steer otherwise, for the whole steering; to brake; to drive off.
@@ -196,16 +195,24 @@ def rooms(cockpit: Cockpit, points: int, command: Command, steps: int) -> tuple[
         at_x, at_y = x + middle * cos, y + middle * sin
         for place in range(MOVERS):
             ahead, aside, radius = mover_from(cockpit, place, at_x, at_y, (step + 1) * STEP_S)
-            ahead, aside = ahead * cos + aside * sin, aside * cos - ahead * sin
-            beyond, beside = max(abs(ahead) - long, 0.0), max(abs(aside) - wide, 0.0)
-            moving = min(moving, math.sqrt(beyond * beyond + beside * beside) - radius)
+            away = distance_to_body(ahead, aside, cos, sin, long, wide)
+            moving = min(moving, away - radius)
         for point in range(points):
             dx, dy = memory[KEPT + 2 * point] - at_x, memory[KEPT + 2 * point + 1] - at_y
-            beyond, beside = abs(dx * cos + dy * sin) - long, abs(dy * cos - dx * sin) - wide
-            if beyond < NEAR and beside < NEAR:
-                beyond, beside = max(beyond, 0.0), max(beside, 0.0)
-                standing = min(standing, math.sqrt(beyond * beyond + beside * beside))
+            standing = min(standing, distance_to_body(dx, dy, cos, sin, long, wide))
     return moving, standing
+
+
+@kernel
+def distance_to_body(x: float, y: float, cos: float, sin: float, long: float, wide: float) -> float:
+    """Return the distance [m] from a point to a body, 0 inside of it.
+
+    x, y: of the point from the middle of the body [m]; cos, sin: of the body's heading; long, wide:
+    half of its length and width [m].
+    """
+    along = max(abs(x * cos + y * sin) - long, 0.0)
+    across = max(abs(y * cos - x * sin) - wide, 0.0)
+    return math.sqrt(along * along + across * across)
 
 
 @kernel
