@@ -14,7 +14,7 @@ NODE_IS_THERE := node -e 'process.exit(+(parseInt(process.versions.node) < 20))'
 # Tests start hundreds of programs: each would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: race page check-page test test-slow test-space test-libraries check lint docs pictures hooks setup schemas limits dist lock sbom audit clean
+.PHONY: race page check-page test test-live test-slow test-space test-libraries check lint docs pictures hooks setup schemas limits dist lock sbom audit clean
 
 race: $(VENV)/.installed
 	@$(MAKE) --no-print-directory page || echo 'The page could not be built; the race goes on without it.'
@@ -31,12 +31,15 @@ $(PAGE): $(WEB)
 check-page: page
 	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
 
-# Files of tests side by side, in the order of tests/conftest.py. What takes minutes is `test-slow`: pages run, sites built,
-# trainings compared.
+# Files of tests side by side, in the order of tests/conftest.py. Whole servers, drivers and browsers are `test-live`; what
+# takes minutes is `test-slow`: pages run, sites built, trainings compared.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed-test
-	@$(PYTEST) -m 'not slow and not space'
+	@$(PYTEST) -m 'not live and not slow and not space'
+
+test-live: $(VENV)/.installed-test
+	@$(PYTEST) -m 'live and not slow and not space'
 
 test-slow: $(VENV)/.installed-test
 	@$(PYTEST) -m slow
@@ -56,7 +59,7 @@ test-space: $(VENV)/.installed-test page
 test-libraries: $(VENV)/.installed-test
 	@$(BIN)/python tests/libraries/run.py
 
-check: lint check-page test test-slow
+check: lint check-page test test-live test-slow
 
 # The pictures of the page in README and docs; needs Chromium. Minutes without a graphics card.
 pictures: $(VENV)/.installed-test page

@@ -216,7 +216,7 @@ def test_a_driver_needs_neither_pytorch_nor_a_compiler(policy_file: Path) -> Non
     assert done.stdout.strip() == "set()"
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> None:
     from race_agents.training.film import record_laps
     from race_server.storage.recording.reader import read_recording

@@ -18,7 +18,7 @@ from support.courses import ring
 from support.servers import running
 from support.trainings import write_lapping_policy
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 # What only training needs cannot be imported where this lies first on the path.
 BLOCKER = """

@@ -28,7 +28,7 @@ from race_server.session.journal_entries import Inputs
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 CELL = RunSpec("follow_gap", "oval", seed=1, laps=1)
 

@@ -11,7 +11,7 @@ from race_server.cli.service import serve_races
 from race_server.logs import Log
 from support.served_race import one_race
 
-pytestmark = [pytest.mark.net, pytest.mark.usefixtures("handlers")]
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("handlers")]
 
 
 @pytest.mark.parametrize("is_filed", [True, False], ids=["filed away", "not yet"])

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from race_server.competition.event_board import programme_of
 from race_server.competition.event_ghosts import EventGhosts
 from race_server.competition.race_day.day import Day
@@ -25,6 +27,8 @@ from race_server.scenario.track.load import load_course
 from race_server.storage.recording.channels import GHOSTS, PROGRAMMES
 from race_server.storage.recording.reader import read_lines, read_recording
 from support.served_event import EVENING, TRIAL, Served, spec_of
+
+pytestmark = pytest.mark.live
 
 
 def programmes(path: Path) -> list[ProgrammeFrame]:

@@ -34,7 +34,7 @@ def is_there(process: int) -> bool:
     return True
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_race_that_is_cut_by_ctrl_c_tells_its_result_and_ends_as_interrupted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

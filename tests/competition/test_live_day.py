@@ -15,6 +15,8 @@ from race_server.core.vehicle_presets import TT02
 from race_server.scenario.track.load import load_course
 from support.served_event import Served
 
+pytestmark = pytest.mark.live
+
 # In the order of the seats; the fastest has the last one.
 DRIVERS = ("tentacles", "follow_gap", "raceline")
 CROWD = ("avoider", *DRIVERS, "unstuck:follow_gap", "pure_pursuit", "idm")

@@ -32,6 +32,8 @@ from race_server.storage.recording.logbook import Logbook
 from race_server.storage.results.queries import races
 from support.served_event import EVENING, Killed, Served, spec_of
 
+pytestmark = pytest.mark.live
+
 
 def files_of(folder: Path) -> list[Path]:
     return sorted(folder.glob("cup-*.event.json"))
@@ -298,7 +300,6 @@ def test_an_event_that_cannot_be_read_is_put_aside_and_another_one_begins(tmp_pa
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
 
 
-@pytest.mark.net
 def test_a_driver_on_the_network_stays_to_the_end_and_begins_each_attempt_afresh(
     tmp_path: Path,
 ) -> None:

@@ -19,7 +19,7 @@ from race_server.scenario.places import own_folder
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 SEED = 7
 

@@ -24,6 +24,8 @@ from race_server.storage.results.queries import races
 from race_server.storage.whole_file import write_whole
 from support.served_event import EVENING, Served, spec_of
 
+pytestmark = pytest.mark.live
+
 
 def driven(team: str, place: int, time_us: int) -> TeamResult:
     return TeamResult(team, place, 1, time_us, time_us, (time_us,), 0, 0, 0, 0, "")

@@ -40,7 +40,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return read_recording(path)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
     recording: Recording,
 ) -> None:
@@ -62,7 +62,7 @@ def test_laps_of_a_recorded_race_have_their_recorded_times_and_their_traces(
         assert one.lap.number == 1 or trace[PROGRESS, 1] == pytest.approx(driven, abs=0.03)
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 0)])
 def test_a_contact_is_one_of_both_karts(
     recording: Recording, monkeypatch: pytest.MonkeyPatch, first: int, second: int
@@ -84,7 +84,7 @@ def test_a_contact_is_one_of_both_karts(
     assert contacts == {(0, 1): 1, (0, 2): 0, (1, 1): 1, (1, 2): 0}
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_the_time_under_a_boost_counts_where_no_event_tells_of_a_hit(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,7 +114,7 @@ def with_inputs_at_every_tick(recording: Recording) -> Recording:
     return replace(recording, entries=sorted([*others, *repeated], key=lambda entry: entry.tick))
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_lap_is_the_same_however_often_inputs_came(recording: Recording) -> None:
     every = with_inputs_at_every_tick(recording)
     assert len(every.entries) > 2 * len(recording.entries)

@@ -46,7 +46,7 @@ def test_the_table_of_decisions_has_each_page_with_its_date_and_title() -> None:
         assert f"| [{number}]({path.name}) | {date.strip('*')} | {words} |" in table
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
 from support.served_race import ServedRace, gated, racing, wait_for_race
 
-pytestmark = [pytest.mark.net, pytest.mark.slow]
+pytestmark = [pytest.mark.live, pytest.mark.slow]
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TOKEN = "drive-one"

@@ -62,7 +62,7 @@ def serving(log: io.StringIO, *fillers: str) -> Iterator[RaceServer]:
         yield RaceServer(session, link, fillers=fillers, processes=processes)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_driver_that_hangs_stops_its_kart_and_no_other(hanging: str) -> None:
     with serving(io.StringIO(), hanging, "pure_pursuit") as server, running(server):
         deadline = time.monotonic() + 40.0
@@ -74,7 +74,7 @@ def test_a_driver_that_hangs_stops_its_kart_and_no_other(hanging: str) -> None:
         assert server.session.seats[1].sequence >= 20  # the other one drives
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_driver_that_cannot_start_is_named_and_the_race_begins_without_it() -> None:
     said = io.StringIO()
     with serving(said, "other", "pure_pursuit") as server, running(server):
@@ -87,7 +87,7 @@ def test_a_driver_that_cannot_start_is_named_and_the_race_begins_without_it() ->
     assert "driver 'other' is unknown" in line["why"]
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_race_without_any_driver_is_refused_with_their_names() -> None:
     with (
         serving(io.StringIO(), "other") as server,

@@ -22,7 +22,7 @@ from support.servers import running
 
 pytest.importorskip("foxglove")
 client = pytest.importorskip("websockets.sync.client")
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 MESSAGE = 1  # the operation of a binary message: then subscription, time, data
 
 

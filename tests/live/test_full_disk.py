@@ -36,7 +36,7 @@ from support.served_race import one_race, record_race
 FULL = Path("/dev/full")  # takes no byte: ENOSPC
 SCENARIO = Scenario(SMALL_RING, karts=1, seed=5, rules=Rules(laps=1, countdown_s=0.5))
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 
 def service(folder: Path, result: Path) -> Service:

@@ -20,7 +20,7 @@ from support.rays import decode_rays
 from support.served_race import ORIGIN, TOKENS, ServedRace, ask, gated, racing, wait_for_race
 from support.servers import wait_until
 
-pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("private_folders")]
 
 
 def test_a_spectator_is_told_the_course_first_and_then_the_race_as_it_goes(

@@ -14,7 +14,7 @@ from race_server.net.wire.drive import ControlFrame, decode_hud, encode_control
 from support.browsers import DRIVE, Browser
 from support.served_race import ServedRace, gated, racing, wait_for_race
 
-pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("private_folders")]
 
 TOKENS = Tokens(
     drive=("drive one",), steward="steward one", companion=((0, "beside 0"), (1, "beside 1"))

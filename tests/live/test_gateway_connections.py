@@ -12,9 +12,9 @@ from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
 from support.browsers import WATCH, Browser
 from support.served_race import ServedRace, ask, gated
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
-pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("private_folders")]
 
 
 def test_floods_and_bytes_of_spectators_end_only_their_own_socket(served: ServedRace) -> None:

@@ -17,9 +17,9 @@ from support.browsers import DRIVE, STEWARD, Browser
 from support.served_race import ServedRace, gated, racing, wait_for_race
 from support.servers import wait_until
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
-pytestmark = [pytest.mark.net, pytest.mark.usefixtures("private_folders")]
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("private_folders")]
 
 # A page that was silent for this long may be replaced.
 STALLED_S = 1.0

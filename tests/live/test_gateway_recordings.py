@@ -45,7 +45,7 @@ def served(recording: Path) -> Iterator[ServedRace]:
         yield served
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
     kinds = (SNAPSHOTS, EVENTS, STANDINGS)
     lines = [line for line in read_lines(recording) if line is not None and line.kind in kinds]
@@ -59,7 +59,7 @@ def test_a_tape_holds_what_the_recording_holds(recording: Path) -> None:
         assert opened.newest(STANDINGS, -5) is None
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -75,7 +75,7 @@ def test_a_tape_that_was_cut_short_ends_with_its_last_whole_chunk(
             SeekableRecording(short)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_only_recordings_of_the_folder_are_listed_and_opened(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -111,7 +111,7 @@ def forged(path: Path, honest: Path, setting: str) -> None:
         recorder.close()
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_recording_with_a_name_or_a_setting_that_is_no_text_takes_the_list_from_none(
     recording: Path, tmp_path: Path
 ) -> None:
@@ -126,7 +126,7 @@ def test_a_recording_with_a_name_or_a_setting_that_is_no_text_takes_the_list_fro
     assert courses == {"cup": SMALL_RING.name, "half": "x\N{REPLACEMENT CHARACTER}"}
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,7 +140,7 @@ def test_a_recording_that_vanishes_while_the_list_is_made_is_left_out(
         library.open("gone")
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_recording_is_played_sought_and_stepped(served: ServedRace, recording: Path) -> None:
     source = {"source": f"recording:{recording.stem}", "rate": 60}
     with Browser(served.base, source) as browser:
@@ -211,7 +211,7 @@ def positions(frames: list[bytes]) -> list[int]:
     return [json.loads(text)["tick"] for text in texts]
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_nothing_of_the_place_before_comes_after_a_seek_on_a_slow_line(recording: Path) -> None:
     async def play() -> list[bytes]:
         line = Line()
@@ -232,7 +232,7 @@ def test_nothing_of_the_place_before_comes_after_a_seek_on_a_slow_line(recording
     assert max(decode_snapshot(data).tick for data in shown) <= 10
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_step_counts_from_the_place_that_is_sought(recording: Path) -> None:
     async def play() -> list[bytes]:
         line = Line()
@@ -248,7 +248,7 @@ def test_a_step_counts_from_the_place_that_is_sought(recording: Path) -> None:
     assert positions(asyncio.run(play()))[-1] == 101
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_pause_is_confirmed_at_once(served: ServedRace, recording: Path) -> None:
     with Browser(served.base, {"source": f"recording:{recording.stem}", "rate": 60}) as browser:
         browser.word("position")
@@ -261,14 +261,14 @@ def test_a_pause_is_confirmed_at_once(served: ServedRace, recording: Path) -> No
         assert browser.word("position")["playing"]
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_words_for_recordings_mean_nothing_to_a_live_race(served: ServedRace) -> None:
     with Browser(served.base, {"role": "spectate"}) as browser:
         browser.send({"type": "seek", "tick": 1})
         assert browser.refusal() == ("malformed", 4400)
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.parametrize("changed", [{"name": 5}, {"title": "\ud800"}, {"spacing": "wide"}])
 def test_a_recording_with_words_of_another_kind_in_its_course_is_refused(
     recording: Path, tmp_path: Path, changed: dict[str, object]

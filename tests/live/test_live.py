@@ -29,7 +29,7 @@ from support.courses import TINY_RING
 from support.servers import LiveServer, running, wait_until, waiting
 from support.sessions import session_on_ring
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 NAMES = ["pure_pursuit", "follow_gap"]
 

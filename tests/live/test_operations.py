@@ -70,7 +70,7 @@ def racing() -> Iterator[RaceServer]:
         yield server
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         status, text = get(port, "/metrics")
@@ -92,7 +92,7 @@ def test_metrics_are_read_as_prometheus_reads_them(racing: RaceServer) -> None:
     assert 'race_input_age_seconds{seat="1"}' not in text  # it was never heard
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
     racing: RaceServer,
 ) -> None:
@@ -106,7 +106,7 @@ def test_a_server_whose_loop_turns_is_well_and_one_that_stands_says_so(
         assert get(port, "/")[0] == 404
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_port_for_metrics_that_is_in_use_is_named(racing: RaceServer) -> None:
     with exposed(racing, 0) as port:
         again = exposed(racing, port)
@@ -128,7 +128,7 @@ def test_the_first_control_of_a_race_and_a_repeated_one_lose_nothing() -> None:
     assert counters.lost == [0]
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_sender_cannot_make_up_reasons_for_refusals(racing: RaceServer) -> None:
     # A backslash before the quote once made the words of the sender part of the reason.
     joins = [encode_join(Join("thief", f"{letter}\\", 0)) for letter in "abcdefgh"]
@@ -169,7 +169,7 @@ def test_a_json_line_is_turned_back_into_words() -> None:
     assert words_of("error: no such track") == "error: no such track"
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_the_diary_says_who_comes_goes_and_returns_once() -> None:
     stream = io.StringIO()
     session = session_on_ring("test", karts=2, countdown_s=0.1)

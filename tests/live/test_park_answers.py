@@ -17,7 +17,7 @@ from race_server.storage.recording.rerun import Rerun
 from race_server.tools.drills.park_answers import ROUNDING, compare_answers
 from support.lots import Beeline, lot_session, open_lot
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 LEARNED = "learned:parking-2"
 PARKS_AT, LIMIT_S = 33, 8.0  # tick: between two decisions of the policy, which come every 6 ticks

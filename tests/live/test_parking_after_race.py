@@ -24,7 +24,7 @@ from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 from support.lots import Beeline
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 TOKEN = "steward one"
 

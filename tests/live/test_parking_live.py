@@ -34,7 +34,7 @@ from race_server.storage.results.writer import Writer
 from support.lots import Beeline, lot_session, one_slot, open_lot
 from support.servers import running
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 TOKEN = "steward one"
 

@@ -24,7 +24,7 @@ from race_server.storage.recording.to_json import to_json
 from support.lots import Beeline, lot_session, one_slot
 from support.servers import running
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 PLAN = PlannedWay(time_s=10.0, path_m=20.0, direction_changes=1)
 WAY = [[0.0, 1.0], [2.0, 1.0]]

@@ -39,7 +39,7 @@ from support.real_karts import Gentle, kart_of
 from support.servers import running, waiting
 from support.sessions import session_on_ring
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 WELL, SILENT = SensorState.WELL, SensorState.SILENT
 
 

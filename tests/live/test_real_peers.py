@@ -32,7 +32,7 @@ from race_server.net.wire.lobby import CourseSheet
 from support.servers import running, wait_until
 from support.sessions import session_on_ring
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 # The clocks of two karts.
 OFFSETS = 0.0, 500.0

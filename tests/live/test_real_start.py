@@ -13,7 +13,7 @@ from support.real_karts import Gentle, kart_of
 from support.servers import running
 from support.sessions import session_on_ring
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 
 def test_a_real_kart_gives_up_where_the_server_goes_before_the_race_begins(

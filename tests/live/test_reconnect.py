@@ -39,7 +39,7 @@ class Stepper:
         return Control(0.0, 0.1)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_driver_whose_link_stalls_drives_on_over_a_fresh_one() -> None:
     timing = ClientTiming(observation_timeout_s=0.5)
     rules = Rules(laps=1, countdown_s=0.3, limit_s=6.0)

@@ -27,7 +27,7 @@ from race_server.session import Session
 from support.courses import ring
 from support.servers import LiveServer, running
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 
 def test_a_stuck_kart_accepts_its_rescue_as_in_training() -> None:

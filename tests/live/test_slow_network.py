@@ -142,7 +142,7 @@ def test_a_guest_is_told_of_as_a_real_kart_that_acknowledges_what_it_heard() -> 
     assert (frame.pose.stamp_us, frame.pose.speed) == (1234, pytest.approx(0.3))
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_halls_that_race_on_different_courses_are_told_so() -> None:
     sites = []
     with ExitStack() as life:

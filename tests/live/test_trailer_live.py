@@ -21,7 +21,7 @@ from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 
 class Weaver:

@@ -12,6 +12,8 @@ from race_server.live.suspects import Suspects
 from race_server.live.watchdog import Watchdog
 from support.sessions import session_on_ring
 
+pytestmark = pytest.mark.live
+
 # The driver of seat 3 never returns, and holds the interpreter lock. Forking wants a process
 # without threads.
 HANGING = """

@@ -42,7 +42,7 @@ def opened(keys: Path, seats: int = 2, protocol: str = "tls") -> Iterator[tuple[
             yield address, server
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_an_open_session_lets_in_who_has_keys_and_says_why_others_are_out(
     keys: Path, tmp_path: Path
 ) -> None:
@@ -67,7 +67,7 @@ def test_an_open_session_lets_in_who_has_keys_and_says_why_others_are_out(
         assert server.link.is_open
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Path) -> None:
     with opened(keys, protocol="tcp") as (address, _), ClientLink(address, "cup") as link:
         seat = take_seat(link, Join("ann", "track", 1))
@@ -91,7 +91,7 @@ def test_copies_forgeries_and_other_versions_are_refused_with_a_reason(keys: Pat
         )
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.slow
 def test_the_drill_finds_every_forbidden_act_denied_and_every_legal_one_allowed() -> None:
     document = drill_deny()

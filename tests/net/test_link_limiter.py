@@ -79,7 +79,7 @@ def test_each_key_has_places_that_no_other_one_can_take(keys: Path) -> None:
     assert places_of(ListenSettings("tls/127.0.0.1:7447", "cup", 2, held)) == PLACES
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_the_steward_gets_in_while_one_seats_keys_open_links_without_end(keys: Path) -> None:
     own = read_client_keys(keys / "seat-0")
     with opened(keys) as server, contextlib.ExitStack() as stack:
@@ -92,7 +92,7 @@ def test_the_steward_gets_in_while_one_seats_keys_open_links_without_end(keys: P
             assert take_seat(link, Join("ann", "track", 1)).number == 1
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_revoked_keys_lose_seat_and_links_on_a_running_server_and_others_keep_theirs(
     keys: Path,
 ) -> None:
@@ -123,7 +123,7 @@ def test_revoked_keys_stay_revoked_and_only_those_that_there_are_can_be(keys: Pa
         revoke_keys(keys / "seat-0", "seat-1")
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_keys_of_a_driver_sent_away_are_let_in_again_when_its_seat_is_opened(keys: Path) -> None:
     own, steward = read_client_keys(keys / "seat-0"), read_client_keys(keys / "steward")
     with opened(keys) as server, linked(server, own) as link, linked(server, steward) as chief:
@@ -136,7 +136,7 @@ def test_keys_of_a_driver_sent_away_are_let_in_again_when_its_seat_is_opened(key
             assert take_seat(again, Join("eve", "track", 0)).number == 0
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_only_the_steward_is_let_in_at_the_stewards_address(keys: Path) -> None:
     stewards = free_address().replace("tcp", "tls")
     steward = read_client_keys(keys / "steward")
@@ -161,7 +161,7 @@ def test_a_stewards_address_needs_certificates_and_a_second_port(keys: Path) -> 
 # Keys that end
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_link_ends_with_its_certificate(tmp_path: Path) -> None:
     issue_keys(Order("cup", 2, spectators=1, days=2.0 / 86400.0), tmp_path / "cup")
     own = read_client_keys(tmp_path / "cup" / "spectator")
@@ -174,7 +174,7 @@ def test_a_link_ends_with_its_certificate(tmp_path: Path) -> None:
             ClientLink(server.link.address, "cup", keys=own, timeout_s=0.3)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_new_keys_replace_the_old_ones_when_the_session_is_served_again(
     keys: Path, tmp_path: Path
 ) -> None:
@@ -192,7 +192,7 @@ def test_new_keys_replace_the_old_ones_when_the_session_is_served_again(
 # Files
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_the_public_door_is_paused_while_too_many_connections_wait(
     keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -242,7 +242,7 @@ def test_a_connection_of_this_process_is_ended_by_its_other_end() -> None:
 # Requests
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_spectator_is_answered_while_others_ask_without_end(keys: Path, tmp_path: Path) -> None:
     issue_keys(Order("cup", 2, spectators=4), tmp_path / "hall")
     own = read_client_keys(tmp_path / "hall" / "spectator")
@@ -269,7 +269,7 @@ def test_a_spectator_is_answered_while_others_ask_without_end(keys: Path, tmp_pa
 # The front
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
 def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path) -> None:
     server_port, stewards, public, steward_port = (free_port() for _ in range(4))
@@ -291,7 +291,7 @@ def test_a_front_keeps_junk_away_and_a_login_takes_less_than_a_second(keys: Path
         assert time.monotonic() - begun < 2.0
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.slow
 @pytest.mark.skipif(bool(missing_front()), reason=missing_front() or "it is there")
 def test_the_drill_lets_clients_in_within_a_second_while_strangers_flood_it() -> None:

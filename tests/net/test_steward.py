@@ -200,7 +200,7 @@ def test_of_a_log_that_is_too_long_for_a_message_the_newest_lines_are_sent() -> 
         assert len(message) <= 262_144
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_penalty_after_the_finish_changes_order_result_file_and_is_announced(
     tmp_path: Path,
 ) -> None:
@@ -250,7 +250,7 @@ def test_once_the_next_race_begins_a_result_stands() -> None:
         told(Steward(session, "token"), "penalty", 1, 5.0)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_the_steward_stops_the_clock_and_starts_the_race_anew() -> None:
     session = session_on_ring("cup", karts=1, laps=1, limit_s=30.0)
     address = free_address()

@@ -36,7 +36,7 @@ from race_server.storage.results.store import Store
 from race_server.storage.results.writer import Writer
 from support.courses import SMALL_RING
 
-pytestmark = pytest.mark.net
+pytestmark = pytest.mark.live
 
 DRIVERS = ("pure_pursuit", "avoider")
 

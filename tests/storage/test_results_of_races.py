@@ -80,7 +80,7 @@ class SlowStore(Store):
         super().write(changes)
 
 
-@pytest.mark.net
+@pytest.mark.live
 @pytest.mark.parametrize("pace", [LOCKSTEP, pytest.param(REAL, marks=pytest.mark.slow)])
 def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
     path: Path, pace: str
@@ -104,7 +104,7 @@ def test_a_lap_is_in_the_file_when_its_event_arrives_however_slow_the_disk(
         assert result.missed_ticks < 60
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_race_leaves_its_laps_sectors_entries_and_digest(path: Path) -> None:
     result = run_race(Store(path), LOCKSTEP, [], lambda _: None)
     (race,) = races(path)
@@ -124,7 +124,7 @@ def test_a_race_leaves_its_laps_sectors_entries_and_digest(path: Path) -> None:
     assert all(lap["is_clean"] for lap in laps if lap["seat"] not in touched)
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_a_file_locked_during_a_race_stops_nothing_and_is_written_in_the_end(
     path: Path,
 ) -> None:
@@ -196,7 +196,7 @@ def test_a_writer_that_is_full_drops_the_rest_of_the_race_and_takes_the_next(
     assert len(races(path)) == 2
 
 
-@pytest.mark.net
+@pytest.mark.live
 def test_laps_that_were_announced_outlive_a_server_that_is_killed(path: Path) -> None:
     address = free_address()
     command = [sys.executable, "-m", "race_server", "serve", "--track", "oval", "--karts", "2"]

@@ -17,7 +17,7 @@ from race_server.tools.drills.page_drivers import KeyDriver as KeyDriver
 from support.served_race import ServedRace
 
 NEEDS_CHROMIUM = [
-    pytest.mark.net,
+    pytest.mark.live,
     pytest.mark.skipif(bool(missing_page()), reason=missing_page()),
 ]
 
