@@ -21,8 +21,9 @@ MOST_OBSERVATIONS = 1_000_000
 # Metadata beside the observations, with units.
 FACTS = {
     **dict.fromkeys(
-        ("action", "base", "scan_limit", "evades", "vehicle", "more_vehicles", "lidar_rays"), ""
+        ("action", "base", "scan_limit", "evades", "charts", "vehicle", "more_vehicles"), ""
     ),
+    "lidar_rays": "",
     "lidar_field": " rad",
     "lidar_reach": " m",
     "decision_s": " s",
@@ -88,23 +89,36 @@ def check(
 
 @app.command()
 def join(
-    far: Annotated[str, typer.Argument(help="Policy that drives to the slot.")],
-    near: Annotated[str, typer.Argument(help="Policy that drives into it.")],
-    within: Annotated[
-        float, typer.Option(min=0.0, help="Distance to the slot up to which NEAR drives [m].")
+    first: Annotated[str, typer.Argument(help="Policy that drives to the slot, or by the lidar.")],
+    second: Annotated[
+        str, typer.Argument(help="Policy that drives into the slot, or on the line.")
     ],
     out: Annotated[Path, typer.Option(help="The .onnx file to write.")],
+    within: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Distance to the slot up to which SECOND drives [m]; for parking."
+        ),
+    ] = None,
 ) -> None:
-    """Write two policies that park as one: FAR drives to the slot, and NEAR into it."""
+    """Write two policies as one.
+
+    Of two that park SECOND drives within a distance of the slot. Of two that race SECOND drives
+    once the kart has charted its course, in its first lap.
+    """
     try:
-        from race_agents.training.policy_pair import join_policies
+        from race_agents.training.policy_pair import join_by_chart, join_in_lot
     except ImportError as error:
         raise ScenarioError(
             f"{error.name} is not installed: `pip install race-server[train]` installs it"
         ) from error
 
+    one, other = policy_path(first), policy_path(second)
     try:
-        join_policies(out, policy_path(far), policy_path(near), within)
+        if within is None:
+            join_by_chart(out, one, other)
+        else:
+            join_in_lot(out, one, other, within)
     except OSError as error:
         raise ScenarioError(f"{out}: cannot be written: {error.strerror}") from error
     Console(soft_wrap=True).print(f"{out}, {out.stat().st_size / 1e3:.1f} kB", markup=False)

@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from race_agents.planning.charting import Charting
 from race_agents.planning.evasion import SEES as EVADER_SEES
 from race_agents.planning.evasion import evade_all
 from race_agents.planning.line_policy import foresee_for_all, remember_for_all
+from race_agents.planning.line_view import layout_with_scan, with_scan
 from race_agents.planning.scan_policy import limit_all
 from race_agents.policies.metadata import PolicyMetadata, preset_for
+from race_agents.policies.places import picked, places_in
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_server.core import codes
@@ -18,8 +21,6 @@ from race_server.core.driver import Briefing, driver_named
 from race_server.core.kernel_driver import (
     ASIDE,
     FETCH,
-    FIELD,
-    REACH,
     Cockpits,
     KernelDriver,
     cockpit_at,
@@ -28,7 +29,13 @@ from race_server.core.kernel_driver import (
 )
 from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
-from race_server.core.observation import PART_NUMBERS, PRESETS, Layout, Observation, offsets_of
+from race_server.core.observation import (
+    PART_NUMBERS,
+    PRESETS,
+    Layout,
+    Observation,
+    offsets_of,
+)
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.rules.items import items
 from race_server.core.state import Float32s, Floats, Ints
@@ -43,8 +50,6 @@ from race_server.envs.actions import (
 )
 from race_server.errors import DriverError
 
-# Lidars that differ by less, in rad or m, are the same.
-TOLERANCE = 1e-3
 # Read besides what the policy sees; every observation of a live race has them.
 SPEED = PART_NUMBERS["speed"]
 LIGHTS = PART_NUMBERS["lights"]
@@ -54,6 +59,8 @@ RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
 # file has a limit by the scan as `follow_gap` is, and one that evades by what is around it; for
 # that more is looked at than it sees.
 LINE_SPEED, LINE_SEES, SCAN_SEES = "line_speed_ahead", "line", "lidar"
+# Parts that tell a policy on a line where others are.
+OTHERS = frozenset(("karts_x", "karts_along"))
 # Parts that tell a policy where its slot is.
 SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
 
@@ -76,7 +83,7 @@ class Learned:
         self._base = driver_named(nature.base) if nature.base else None
         self._is_helped = self._base is None and LINE_SPEED in nature.parts
         more: tuple[str, ...] = PRESETS[LINE_SEES] if self._is_helped else ()
-        if nature.scan_limit:
+        if nature.scan_limit or nature.charts:
             more = PRESETS[SCAN_SEES]
         if nature.evades:
             more = EVADER_SEES
@@ -96,7 +103,9 @@ class Learned:
         pace = _pace_of(self.policy.metadata, briefing, self.policy.name)
         self._pace_ticks = ticks_of(self.policy.metadata.decision_s) if pace > 1 else 1
         self._briefing = briefing
-        self._drive: Callable[[], None] | None = None
+        self._seats: dict[str, Seat] = {}
+        self._seat: Seat | None = None
+        self._charting = Charting(briefing) if self.policy.metadata.charts else None
         self._places: Ints | None = None
         self._control, self._period = Control(), -1
         vehicle = briefing.vehicle
@@ -122,25 +131,38 @@ class Learned:
 
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
+        seen = observation if self._charting is None else self._seen(self._charting, observation)
         # At the ticks of training, whenever it begins: those at which sensors have just scanned.
         period = observation.tick // self._pace_ticks
         if period == self._period:
             return self._control
         self._period = period
-        self._control = self._decide(observation)
+        self._control = self._decide(seen)
         return self._control
+
+    def _seen(self, charting: Charting, observation: Observation) -> Observation:
+        """Return what is seen, with the line once the course is charted.
+
+        Without it where others are near and the policy sees none beside the line.
+        """
+        charted = charting.look(observation)
+        sees_others = OTHERS & set(self.policy.metadata.parts)
+        if charted is None or (charting.meets_others and not sees_others):
+            return observation
+        return with_scan(charted, observation)
 
     def _decide(self, observation: Observation) -> Control:
         """Return what to do until the policy's next decision."""
         if isinstance(self._base, KernelDriver):
             return self._act_by_advice(self._base, observation)
-        if self._drive is None:
+        if not self._seats:
             self._prepare(observation.layout)
-            assert self._drive is not None
-        self._view[0, 0] = observation.values
-        self._drive()
-        steering, throttle, brake, buttons = self._controls[0, 0].tolist()
-        return Control(steering, throttle, brake, Button(int(buttons)))
+        seat = self._seats[observation.layout.preset]
+        if seat is not self._seat:
+            # What it remembers is of before.
+            seat.cockpits.memory[...] = 0.0
+            self._seat = seat
+        return seat.decide(observation)
 
     def _act_by_advice(self, base: KernelDriver, observation: Observation) -> Control:
         """Return what the driver does that the policy advises."""
@@ -153,21 +175,11 @@ class Learned:
         return base.act(observation)
 
     def _prepare(self, layout: Layout) -> None:
-        """Take a seat: a batch of one."""
-        told = self._briefing
-        self._view = np.zeros((1, 1, layout.size))
-        self._controls = np.zeros((1, 1, 4))
-        cockpits = Cockpits(
-            np.zeros((1, 2), np.int64),
-            self._view,
-            offsets_of(layout),
-            vehicle_record(told.vehicle).reshape(1, 1),
-            np.array([told.lidar_field, told.lidar_reach, self.policy.metadata.decision_s]),
-            item_uses_of(told.items),
-            np.zeros((1, 1, memory_size(int(offsets_of(layout)[-1])))),
-            self._controls,
-        )
-        self._drive = self.driving(cockpits, layout)
+        """Take the seats from which it will decide; in the race there is no time to compile."""
+        layouts = [layout]
+        if self._charting is not None:
+            layouts.append(layout_with_scan(layout))
+        self._seats = {one.preset: Seat(self, self._briefing, one) for one in layouts}
 
     def driving(self, cockpits: Cockpits, layout: Layout) -> Callable[[], None]:
         """Return what drives many karts, with one pass of the network for all of them.
@@ -187,32 +199,64 @@ class Learned:
             width = float(cockpits.vehicles[0, 0].width)
 
             def advise() -> None:
-                actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
+                actions = self.policy.decide(picked(views[worlds, numbers], places))
                 memory[worlds, numbers, ASIDE : FETCH + 1] = advice_of(actions, width)
                 follow()
 
             return advise
 
-        before, behind = self._help(cockpits)
+        before, behind = self._help(cockpits, layout)
 
         def drive() -> None:
             before()
-            actions = self.policy.decide(views[worlds, numbers][:, places].astype(np.float32))
+            actions = self.policy.decide(picked(views[worlds, numbers], places))
             command_all(self._kind, cockpits, actions, self._table)
             behind()
 
         return drive
 
-    def _help(self, cockpits: Cockpits) -> tuple[Callable[[], None], Callable[[], None]]:
+    def _help(
+        self, cockpits: Cockpits, layout: Layout
+    ) -> tuple[Callable[[], None], Callable[[], None]]:
         """Return what is done before the network answers, and behind it."""
         nature = self.policy.metadata
         if nature.evades:
             return _nothing, bind(evade_all, cockpits)
+        if self._is_helped and LINE_SPEED in layout.slices:
+            return bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)
         if nature.scan_limit:
             return _nothing, bind(limit_all, cockpits, nature.scan_limit)
-        if self._is_helped:
-            return bind(foresee_for_all, cockpits), bind(remember_for_all, cockpits)
         return _nothing, _nothing
+
+
+class Seat:
+    """The seat of one kart: a batch of one."""
+
+    def __init__(self, driver: Learned, told: Briefing, layout: Layout) -> None:
+        """Take the seat of a driver that is told its race. layout: of its observations.
+
+        Raises:
+            DriverError: the kart has another lidar than the policy learned with.
+        """
+        offsets, decision_s = offsets_of(layout), driver.policy.metadata.decision_s
+        self.cockpits = Cockpits(
+            np.zeros((1, 2), np.int64),
+            np.zeros((1, 1, layout.size)),
+            offsets,
+            vehicle_record(told.vehicle).reshape(1, 1),
+            np.array([told.lidar_field, told.lidar_reach, decision_s]),
+            item_uses_of(told.items),
+            np.zeros((1, 1, memory_size(int(offsets[-1])))),
+            np.zeros((1, 1, 4)),
+        )
+        self._drive = driver.driving(self.cockpits, layout)
+
+    def decide(self, observation: Observation) -> Control:
+        """Return what to do until the next decision."""
+        self.cockpits.observations[0, 0] = observation.values
+        self._drive()
+        steering, throttle, brake, buttons = self.cockpits.controls[0, 0].tolist()
+        return Control(steering, throttle, brake, Button(int(buttons)))
 
 
 def _nothing() -> None:
@@ -263,40 +307,3 @@ def _pace_of(nature: PolicyMetadata, briefing: Briefing, name: str) -> int:
             f"{briefing.decision_s:g} s; train it at that pace"
         )
     return round(pace)
-
-
-def _check_lidar(nature: PolicyMetadata, setup: Floats, name: str) -> None:
-    field, reach = float(setup[FIELD]), float(setup[REACH])
-    if abs(field - nature.lidar_field) > TOLERANCE or abs(reach - nature.lidar_reach) > TOLERANCE:
-        raise DriverError(
-            f"{name} learned with a lidar of {np.degrees(nature.lidar_field):.0f}° and "
-            f"{nature.lidar_reach:g} m, this one has {np.degrees(field):.0f}° and {reach:g} m; "
-            "train it with this lidar"
-        )
-
-
-def places_in(layout: Layout, nature: PolicyMetadata, setup: Floats, name: str) -> Ints:
-    """Return where each number that a policy sees lies in a larger observation, shape (size,).
-
-    A policy that learned with fewer lidar rays in the same field takes every n-th of them.
-
-    Raises:
-        DriverError: a part is missing, or has another size.
-    """
-    places: list[int] = []
-    for part, size in zip(nature.parts, nature.sizes, strict=True):
-        if part not in layout.slices:
-            raise DriverError(f"{name} wants to see {part!r}; the race shows {layout.preset!r}")
-        there = layout.slices[part]
-        offered = there.stop - there.start
-        step = 1
-        if part in {"lidar", "lidar_before"}:
-            _check_lidar(nature, setup, name)
-            step = max((offered - 1) // max(size - 1, 1), 1)
-        if offered != (size - 1) * step + 1:
-            raise DriverError(
-                f"{name} learned with {size} numbers of {part!r}, the race shows {offered}; "
-                "train it with this many"
-            )
-        places += range(there.start, there.stop, step)
-    return np.array(places, np.int64)

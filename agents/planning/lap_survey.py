@@ -21,6 +21,9 @@ FITTING = 0.5
 SHORTEST, NEAR, NEAR_SHARE, CLOSING, TURN = 15.0, 2.0, 0.04, 0.7, 0.7
 # The start is looked for on walls of coarse cells first: a fit reaches as far as a cell.
 COARSE = (4.0, 1.0)
+# Between two straight walls a scan fits everywhere. Of the squares of what its walls face the
+# direction that they face least has to have this share.
+PLACED = 0.02
 
 
 @dataclass
@@ -74,8 +77,8 @@ class LapSurvey:
         way = self.ways[-1]
         if way < SHORTEST * self.length or abs(abs(heading) - 2.0 * math.pi) > TURN:
             return None
-        near = NEAR * self.length + NEAR_SHARE * way
-        if math.hypot(x, y) > near or len(self.scans[-1].points) == 0:
+        near, scan = NEAR * self.length + NEAR_SHARE * way, self.scans[-1]
+        if math.hypot(x, y) > near + RECENT * self.length or not _is_placed(scan):
             return None
         if not self._beginning:
             end = int(np.searchsorted(self.ways, RECENT * self.length))
@@ -84,7 +87,7 @@ class LapSurvey:
         turn = math.copysign(2.0 * math.pi, heading)
         best = Fit((x, y, heading - turn), 0.0, 0.0)
         for beginning in self._beginning:
-            best = beginning.match(self.scans[-1], best.pose, (near, 0.1))
+            best = beginning.match(scan, best.pose, (near, 0.1))
         if best.share < CLOSING:
             return None
         back = compose(best.pose, (0.0, 0.0, turn))
@@ -97,6 +100,14 @@ class LapSurvey:
         end: where the last one really is, its heading with the full turn.
         """
         return spread_error(self.poses, self.ways, end)
+
+
+def _is_placed(scan: Scan) -> bool:
+    """Return whether the walls of a scan face both ways, so that they tell where it was taken."""
+    if len(scan.normals) == 0:
+        return False
+    faced = scan.normals.T @ scan.normals / len(scan.normals)
+    return bool(np.linalg.eigvalsh(faced)[0] >= PLACED)
 
 
 def wall_map_of(scans: list[Scan], poses: list[Pose], cell: float) -> WallMap:

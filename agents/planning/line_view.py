@@ -7,12 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.planning.wall_map import Pose, WallMap, placed
-from race_server.core.observation import AHEAD, NEARBY, Observation, layout_of
+from race_server.core.observation import AHEAD, NEARBY, Layout, Observation, layout_of, offsets_of
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.line import ReferenceLine
 
-LAYOUT = layout_of("line", 0)
+LAYOUT = layout_of("rivals", 0)
+# What stays 0 in it: a chart has a line, and no centre line.
+UNKNOWN = frozenset(
+    (
+        *("lateral_offset", "heading_error", "curvature_ahead", "path_ahead_x", "path_ahead_y"),
+        *("left_ahead", "right_ahead", "look_ahead"),
+    )
+)
+# What says that there is none.
+FAR_OFF = (
+    *("karts_x", "karts_y", "karts_along"),
+    *("boxes_x", "boxes_y", "hazards_x", "hazards_y"),
+)
+SCAN = ("lidar", "lidar_before")
 NOWHERE = 1e3
 # How far around a kart others are looked for on the line [m].
 AROUND = 9.0
@@ -82,35 +95,39 @@ class LineView:
         return found
 
     def observe(self, observation: Observation, pose: Pose, step: float) -> Observation:
-        """Return what a driver on the line is to see, in the preset `line`.
+        """Return what a driver on the line is to see, in the preset `rivals`.
 
         observation: of the preset `lidar`; pose: of the kart [m], [rad]; step: between two samples
         ahead [m].
         """
         line, slices = self._line, LAYOUT.slices
         values = np.zeros(LAYOUT.size, np.float32)
-        for name, place in observation.layout.slices.items():
-            if name in slices and not name.startswith("lidar"):
-                values[slices[name]] = observation.values[place]
-        for name in ("karts_x", "boxes_x", "hazards_x"):
+        for name in observation.layout.slices.keys() & slices.keys():
+            values[slices[name]] = observation[name]
+        for name in FAR_OFF:
             values[slices[name]] = NOWHERE
         x, y, heading = pose
-        away = np.array([x, y]) - self._places
-        here = int(np.argmin(np.sum(away**2, axis=1)))
-        cos, sin = math.cos(line.heading[here]), math.sin(line.heading[here])
-        along = away[here, 0] * cos + away[here, 1] * sin
+        here, along, across = self._abreast(x, y)
         bearing = heading - line.heading[here] - along * line.curvature[here]
         values[slices["progress"]] = max(here * line.spacing + along, 0.0)
-        values[slices["line_offset"]] = away[here, 1] * cos - away[here, 0] * sin
+        values[slices["line_offset"]] = across
         values[slices["line_heading"]] = (bearing + math.pi) % (2.0 * math.pi) - math.pi
         values[slices["line_step"]] = step
-        place = here + (along + np.arange(AHEAD) * step) / line.spacing
+        place = np.asarray(here + (along + np.arange(AHEAD) * step) / line.spacing, np.float64)
         for name, numbers in self._ahead(place, pose).items():
             values[slices[name]] = numbers
         last = int(place[-1] + 0.5) % len(line.x)
         values[slices["line_speed_held"]] = self._held[last]
-        self._fill_others(values, pose)
+        self._fill_others(values, pose, here * line.spacing + along)
         return Observation(observation.tick, LAYOUT, values)
+
+    def _abreast(self, x: float, y: float) -> tuple[int, float, float]:
+        """Return the sample nearest to a point, and its way [m] from there along and across."""
+        away = np.array([x, y]) - self._places
+        here = int(np.argmin(np.sum(away**2, axis=1)))
+        cos, sin = math.cos(self._line.heading[here]), math.sin(self._line.heading[here])
+        (dx, dy) = away[here].tolist()
+        return here, dx * cos + dy * sin, dy * cos - dx * sin
 
     def _ahead(self, place: Floats, pose: Pose) -> dict[str, Floats]:
         """Return the parts ahead, at fractional samples (AHEAD,) of the line."""
@@ -131,14 +148,24 @@ class LineView:
             "line_right_ahead": at(line.right),
         }
 
-    def _fill_others(self, values: NDArray[Any], pose: Pose) -> None:
-        others, slices = self.others, LAYOUT.slices
-        near = np.argsort(np.hypot(*(others[:, :2] - np.array(pose[:2])).T))[:NEARBY]
-        x, y = _seen_from(pose, others[near, 0], others[near, 1])
-        vx, vy = _seen_from((0.0, 0.0, pose[2]), others[near, 2], others[near, 3])
-        for name, numbers in zip(
-            ("karts_x", "karts_y", "karts_speed_x", "karts_speed_y"), (x, y, vx, vy), strict=True
-        ):
+    def _fill_others(self, values: NDArray[Any], pose: Pose, progress: float) -> None:
+        """Fill the nearest strangers. progress: of the kart along the line [m]."""
+        near = np.argsort(np.hypot(*(self.others[:, :2] - np.array(pose[:2])).T))[:NEARBY]
+        others, slices, line = self.others[near], LAYOUT.slices, self._line
+        length = len(line.x) * line.spacing
+        x, y = _seen_from(pose, others[:, 0], others[:, 1])
+        vx, vy = _seen_from((0.0, 0.0, pose[2]), others[:, 2], others[:, 3])
+        beside = [self._abreast(*other[:2].tolist()) for other in others]
+        ways = [sample * line.spacing + along - progress for sample, along, _ in beside]
+        shown = {
+            "karts_x": x,
+            "karts_y": y,
+            "karts_speed_x": vx,
+            "karts_speed_y": vy,
+            "karts_along": [(way + 0.5 * length) % length - 0.5 * length for way in ways],
+            "karts_across": [across for _, _, across in beside],
+        }
+        for name, numbers in shown.items():
             start = slices[name].start
             values[start : start + len(near)] = numbers
 
@@ -148,3 +175,14 @@ def _seen_from(pose: Pose, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = x - pose[0], y - pose[1]
     return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def layout_with_scan(scan: Layout) -> Layout:
+    """Return the layout of what a line shows, with the scan of another layout behind it."""
+    return layout_of((*LAYOUT.slices, *SCAN), int(offsets_of(scan)[-1]))
+
+
+def with_scan(line: Observation, scan: Observation) -> Observation:
+    """Return what a line shows, with the scan of another observation behind it."""
+    values = np.concatenate([line.values, *(scan[part] for part in SCAN)])
+    return Observation(scan.tick, layout_with_scan(scan.layout), values)

@@ -26,8 +26,11 @@ LATER: Mapping[str, Any] = {
     "more_vehicles": (),
     "scan_limit": 0.0,
     "evades": False,
+    "charts": False,
 }
 MOST_SCAN_LIMIT = 10.0
+# What a kart with a lidar sees only once it has charted its course.
+CHARTED = frozenset(PRESETS["rivals"]) - frozenset(PRESETS["lidar"])
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class PolicyMetadata:
     more_vehicles: tuple[str, ...] = ()  # with which it learned as well
     scan_limit: float = 0.0  # it brakes beyond this share of the speed of `follow_gap`; 0: never
     evades: bool = False  # its commands are changed where they would soon touch something
+    charts: bool = False  # it sees the line of a chart that it makes in its first lap
     version: int = VERSION
 
     @property
@@ -153,6 +157,14 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
             f"{name}: evades = true: it is for policies that park, without a base driver; export "
             "it again"
         )
+    sees_line = not CHARTED.isdisjoint(metadata.parts)
+    if metadata.charts and (
+        metadata.base or metadata.lots or "lidar" not in metadata.parts or not sees_line
+    ):
+        raise DriverError(
+            f"{name}: charts = true: it is for policies that race by a lidar and a line, without a "
+            "base driver; export it again"
+        )
     if not TICK_S <= metadata.decision_s <= MOST_DECISION_S:
         raise DriverError(f"{name} decides every {metadata.decision_s:g} s; export it again")
     if not 0 <= metadata.lidar_rays <= MOST_RAYS:
@@ -170,12 +182,12 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
 def preset_for(metadata: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
     """Return the smallest preset of a live race with all parts that a policy observes.
 
-    more: parts that its base driver observes.
+    more: parts that its base driver observes. What a chart of its own shows needs no preset.
 
     Raises:
         DriverError: there is none.
     """
-    wanted = {*metadata.parts, *more}
+    wanted = {*metadata.parts, *more} - (CHARTED if metadata.charts else set())
     fitting = [preset for preset, parts in PRESETS.items() if wanted <= set(parts)]
     if not fitting:
         raise DriverError(f"{name} observes {', '.join(metadata.parts)}: no preset has them all")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.drivers.learned import places_in
+from race_agents.policies.places import places_in
 from race_agents.training.export import metadata_from
 from race_agents.training.settings import Settings
 from race_agents.training.teacher import actions_of

@@ -18,6 +18,7 @@ from race_agents.policies.metadata import PolicyMetadata
 from race_agents.policies.session import Policy
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.onnx_graph import OnnxGraph, write_graph
+from race_agents.training.reward_wrapper import width_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import digest_of
 from race_agents.training.view import NEAREST, ObservationView
@@ -167,10 +168,13 @@ def metadata_from(settings: Settings, courses: tuple[str, ...]) -> PolicyMetadat
 def difference(policy: Policy, learner: Any, world: Normaliser, seen: NDArray[Any]) -> float:
     """Return the largest difference between the answers of a file and of its learner.
 
+    A learner sees the first numbers of what a file sees to which another one was joined.
+
     For discrete actions: how much less the learner values the file's choice than its own, as
     rounding alone decides between two of equal value.
     """
-    rows, answers = world.normalize_obs(seen), policy.decide(seen)
+    size = width_of(world.observation_space)
+    rows, answers = world.normalize_obs(seen[:, :size]), policy.decide(seen)
     if isinstance(world.action_space, spaces.Discrete):
         return _lost(_merits(learner, torch.as_tensor(rows)), torch.as_tensor(answers).long())
     own = learner.predict(rows, deterministic=True)[0]

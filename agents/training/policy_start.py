@@ -15,7 +15,7 @@ from race_agents.policies.verification import MOST_DIFFERENCE
 from race_agents.training.export import difference
 from race_agents.training.imitation import FIRM, show_the_critic
 from race_agents.training.normaliser import Normaliser
-from race_agents.training.policy_pair import DISTANCE, NEAR, places_of
+from race_agents.training.policy_pair import DISTANCE, NEAR, STEP, places_of
 from race_server.errors import ScenarioError
 
 COMPARED = 64  # observations on which the file and the learner have to answer alike
@@ -33,7 +33,7 @@ def begin_with_policy(path: Path, learner: Any, world: Normaliser) -> None:
     """Give a learner the actor and the normalisation of a policy file.
 
     What is normalised stays as it is in the file. The critic starts with the actor's layers and a
-    value of zero. Of two policies that are joined it takes the one that drives to the slot.
+    value of zero. Of two policies that are joined it takes the first one.
 
     Raises:
         DriverError: the file is damaged or no policy.
@@ -46,7 +46,10 @@ def begin_with_policy(path: Path, learner: Any, world: Normaliser) -> None:
         _take_normalisation(world, found)
         size = policy.metadata.size
         seen = np.random.default_rng(0).normal(size=(COMPARED, size)).astype(np.float32)
-        seen[:, places_of(policy.metadata).get(DISTANCE, [])] = AWAY
+        places = places_of(policy.metadata)
+        seen[:, places.get(DISTANCE, [])] = AWAY
+        if policy.metadata.charts:
+            seen[:, places[STEP]] = 0.0
         off = difference(policy, learner, world, seen)
     except Exception as error:  # layers of other shapes fail in many ways
         raise ScenarioError(f"{path}: {_OTHER}") from error

@@ -4,7 +4,9 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,16 @@ import onnx
 import pytest
 
 from race_agents.drivers.learned import Learned
+from race_agents.planning.line_view import LAYOUT
 from race_agents.policies.metadata import KEY
 from race_agents.policies.registry import SHIPPED
 from race_agents.policies.session import Policy
+from race_agents.training.policy_pair import join_by_chart
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
-from race_server.core.observation import Observation
+from race_server.core.observation import Observation, layout_of
 from race_server.core.vehicle_presets import KART_13, KART_60
 from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
@@ -28,7 +32,7 @@ from race_server.errors import DriverError
 from race_server.scenario.race import Scenario
 from support.briefings import briefing
 from support.courses import SMALL_RING
-from support.trainings import QUICK, side_by_side, write_lapping_policy
+from support.trainings import QUICK, side_by_side, write_lapping_policy, write_untrained
 
 GEAR = np.array([np.radians(200.0), 8.0, 0.05])
 BRIEFING = briefing("lidar", lidar_field=np.radians(200.0))
@@ -38,7 +42,9 @@ def test_the_policy_that_comes_along_is_small_and_sees_what_a_real_car_senses() 
     path = SHIPPED / "time-trial.onnx"
     assert path.stat().st_size < 1_000_000
     metadata = Policy(path).metadata
-    assert metadata.parts == ("lidar", "lidar_before", "speed", "yaw_rate", "steering")
+    assert metadata.parts[:5] == ("lidar", "lidar_before", "speed", "yaw_rate", "steering")
+    assert metadata.charts
+    assert Learned("time-trial").preset == "lidar"
     assert metadata.vehicle == "tt02"
 
 
@@ -98,9 +104,36 @@ def test_a_limit_by_the_scan_brakes_a_policy_that_is_faster_than_it_can_see(
     assert least < batch.world.bodies[0, 0].speed < most
 
 
+def test_a_policy_that_charts_drives_by_the_scan_until_it_has_a_chart(
+    policy_file: Path, tmp_path: Path
+) -> None:
+    line, both = tmp_path / "line.onnx", tmp_path / "both.onnx"
+    sees = "observation=['speed', 'line_offset', 'line_speed_ahead']"
+    write_untrained(line, "time-trial", *QUICK, sees)
+    join_by_chart(both, policy_file, line)
+    driver, by_scan, on_line = (Learned(str(path)) for path in (both, policy_file, line))
+    assert (driver.preset, on_line.preset) == ("lidar", "line")
+    for one in (driver, by_scan, on_line):
+        one.reset(BRIEFING)
+    layout, chance = layout_of("lidar", 201), np.random.default_rng(1)
+    moving = {"lights": 0.0, "finished": 0.0, "rescue_offered": 0.0}
+    scan, shown = (
+        Observation(0, one, chance.uniform(0.5, 1.0, one.size).astype(np.float32))
+        for one in (layout, LAYOUT)
+    )
+    for seen, (part, value) in product((scan, shown), moving.items()):
+        seen[part][:] = value
+    charts = [None, shown, None, shown]
+    charting: Any = SimpleNamespace(look=lambda _: charts.pop(0), meets_others=False)
+    driver._charting = charting
+    answers = [driver.act(replace(scan, tick=3 * step)) for step in range(3)]
+    assert answers == [by_scan.act(scan), on_line.act(shown), by_scan.act(replace(scan, tick=6))]
+    charting.meets_others = True
+    assert driver.act(replace(scan, tick=9)) == by_scan.act(replace(scan, tick=9))
+
+
 def test_a_policy_takes_its_rays_out_of_a_finer_lidar(policy_file: Path) -> None:
-    from race_agents.drivers.learned import places_in
-    from race_server.core.observation import layout_of
+    from race_agents.policies.places import places_in
 
     metadata = Policy(policy_file).metadata
     places = places_in(layout_of("lidar", 201), metadata, GEAR, "it")
@@ -151,6 +184,7 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
         ({"scan_limit": -1.0}, "scan_limit = -1: it is for policies that race by a lidar"),
         ({"scan_limit": 1.2, "base": "idm", "action": "residual"}, "scan_limit = 1.2: it is for"),
         ({"evades": True}, "evades = true: it is for policies that park"),
+        ({"charts": True}, "charts = true: it is for policies that race by a lidar and a line"),
         ({"evades": 1}, "evades = 1 in its metadata is not valid"),
         ({"action": "residual", "base": f"learned:{bad}"}, "takes no advice"),
     ):

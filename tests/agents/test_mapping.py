@@ -19,6 +19,7 @@ from race_agents.planning.wall_map import (
     read_scan,
 )
 from race_agents.planning.wayfinder import Wayfinder
+from race_server.core.observation import Observation, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.raceline.attach import stand_in
@@ -86,6 +87,22 @@ def test_a_straight_corridor_leaves_the_way_along_it_to_the_odometry() -> None:
     fit = walls.match(scan_in(corridor, (0.3, 0.0, 0.0), seed=5), guess, (0.02, 0.05))
     assert fit.pose[0] == pytest.approx(0.3, abs=0.01)
     assert fit.pose[1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("end", "closes"), [(50.0, False), (4.0, True)])
+def test_a_lap_closes_where_walls_face_both_ways(end: float, closes: bool) -> None:
+    corridor = np.array([(-50.0, 0.5, end, 0.5), (-50.0, -0.5, end, -0.5), (end, -0.5, end, 0.5)])
+    survey = LapSurvey(CELL, LENGTH)
+    for seed in range(20):
+        scan = scan_in(corridor, (0.1 * seed, 0.0, 0.0), seed)
+        survey.add(scan, (0.1, 0.0, 0.0) if seed else (0.0, 0.0, 0.0), 0.1 if seed else 0.0)
+    survey.add(scan_in(corridor, (0.5, 0.0, 0.0), 30), (0.1, 0.0, 0.0), 0.1)
+    # As if it had driven 20 m and once round, to a metre from where it is.
+    survey.poses[-1], survey.ways[-1] = (1.5, 0.0, 2.0 * math.pi), 20.0
+    end_of_lap = survey.closing()
+    assert (end_of_lap is not None) == closes
+    if end_of_lap is not None:
+        assert end_of_lap.pose[0] == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_lidar_that_met_nothing_makes_a_map_that_nothing_fits() -> None:
@@ -232,3 +249,9 @@ def test_what_stands_on_the_course_is_shown_as_a_kart_that_stands() -> None:
     x, y, *velocity = view.others[0]
     assert (x, y) == pytest.approx((1.5, 0.0), abs=0.15)
     assert velocity == pytest.approx((0.0, 0.0), abs=0.1)
+    layout = layout_of("lidar", 201)
+    seen = Observation(0, layout, np.zeros(layout.size, np.float32))
+    shown = view.observe(seen, (0.0, 0.0, 0.0), 0.2)
+    for part, wanted in (("karts_x", 1.5), ("karts_along", 1.5), ("karts_across", 0.0)):
+        assert shown[part][0] == pytest.approx(wanted, abs=0.2)
+    assert shown["karts_along"][1] == shown["boxes_y"][0] == 1000.0

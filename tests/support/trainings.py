@@ -15,6 +15,7 @@ from race_agents.training.normaliser import Normaliser
 from race_agents.training.run import TrainingResult
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
+from race_agents.training.tasks import courses_of
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.observation import Observation
 from race_server.envs.batch import Batch
@@ -48,6 +49,15 @@ def untrained(settings: Settings) -> tuple[Budget, Normaliser, Any]:
     budget = Budget.of(settings)
     world = world_of(settings, budget)
     return budget, world, learner_of(settings, world, budget, None)
+
+
+def write_untrained(path: Path, preset: str, *changes: str) -> Path:
+    """Write a policy before it has learned."""
+    wanted = read_settings(preset, changes)
+    _, world, learner = untrained(wanted)
+    export_policy(path, learner, world, metadata_from(wanted, courses_of(wanted)))
+    world.close()
+    return path
 
 
 def side_by_side(
