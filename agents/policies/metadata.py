@@ -182,7 +182,7 @@ def _check(metadata: PolicyMetadata, name: str) -> None:
 def preset_for(metadata: PolicyMetadata, name: str, more: tuple[str, ...] = ()) -> str:
     """Return the smallest preset of a live race with all parts that a policy observes.
 
-    more: parts that its base driver observes. What a chart of its own shows needs no preset.
+    more: parts that its base driver observes. What its chart shows needs no preset.
 
     Raises:
         DriverError: there is none.
