@@ -29,13 +29,7 @@ from race_server.core.kernel_driver import (
 )
 from race_server.core.kernels.jit import bind, kernel
 from race_server.core.messages import Button, Control
-from race_server.core.observation import (
-    PART_NUMBERS,
-    PRESETS,
-    Layout,
-    Observation,
-    offsets_of,
-)
+from race_server.core.observation import PART_NUMBERS, PRESETS, Layout, Observation, offsets_of
 from race_server.core.parking_order import ParkingOrder
 from race_server.core.rules.items import items
 from race_server.core.state import Float32s, Floats, Ints
