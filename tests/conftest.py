@@ -1,5 +1,6 @@
 """What all tests share: the kernels are compiled once, and the longest files come first."""
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -53,6 +54,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     places = {folder / name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path, len(places)))
+
+
+def pytest_collection_finish() -> None:
+    """Refuse files that call a kernel as they are imported: each process would wait for it."""
+    from race_server.core.kernels.dispatcher import Kernel
+
+    kernels = (each for each in gc.get_objects() if type(each) is Kernel)
+    if called := sorted(each.__qualname__ for each in kernels if "entry" in vars(each)):
+        raise pytest.UsageError(f"a file of tests calls {', '.join(called)} as it is imported")
 
 
 @pytest.fixture(scope="session", autouse=True)

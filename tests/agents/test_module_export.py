@@ -13,13 +13,14 @@ from torch import nn
 from race_agents.policies.session import Policy
 from race_agents.training.module_export import adopt_onnx, export_module, metadata_of_task
 from race_server.core.driver import driver_named
+from race_server.core.observation import layout_of
 from race_server.envs.batch import Batch
 from race_server.envs.presets import parking_task
 from race_server.errors import DriverError, ScenarioError
 from support.tasks import ring_task
 
 TASK = ring_task(1, observation="radar")
-SIZE = Batch(TASK).layout.size
+SIZE = layout_of(TASK.observation, TASK.scenarios[0].lidar.rays).size
 
 
 class Actor(nn.Module):
