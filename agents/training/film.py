@@ -11,7 +11,7 @@ from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.sets import course_named
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 
 FILM, PARKING_FILM = "laps.mcap", "parking.mcap"

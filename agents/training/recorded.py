@@ -16,7 +16,7 @@ from race_server.core.messages import Event, EventKind
 from race_server.core.observation import PRESETS
 from race_server.core.state import Float32s
 from race_server.errors import RecordingError
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.rerun import Rerun
 from race_server.storage.recording.scenario_codec import unpack_scenario

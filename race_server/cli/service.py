@@ -44,7 +44,7 @@ from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook, folder_of, recordings_of
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.results.keeper import Keeper, utc_now

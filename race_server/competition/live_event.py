@@ -21,8 +21,8 @@ from race_server.live.server import REAL, RaceResult, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.logs import Log
 from race_server.scenario.race import ABSENT, Scenario
-from race_server.session import Session
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import STAMP, recordings_of
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.scenario_codec import unpack_scenario

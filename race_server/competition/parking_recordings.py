@@ -17,7 +17,7 @@ from race_server.errors import RecordingError
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook, recordings_of
 
 MOST_LETTERS = 32  # of the name of a session

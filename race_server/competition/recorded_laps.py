@@ -13,7 +13,7 @@ from race_server.core.messages import Cleanness, Event, EventKind, Flag
 from race_server.core.state import Floats
 from race_server.errors import RecordingError
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.rerun import Rerun
 

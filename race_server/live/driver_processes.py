@@ -19,7 +19,7 @@ from typing import Any, Self
 from race_server.core.driver import ENTRY_POINTS
 from race_server.errors import DriverError
 from race_server.logs import Log, last_words
-from race_server.session import Session
+from race_server.session.session import Session
 
 # The distribution whose drivers are trusted.
 OURS = "race-server"

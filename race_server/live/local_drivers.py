@@ -12,9 +12,9 @@ from race_server.core.traffic import Traffic
 from race_server.errors import DriverError
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, encode_control
-from race_server.session import Session
 from race_server.session.parking import parks_from_start
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 
 def briefing_for(session: Session, seat: Seat) -> Briefing:

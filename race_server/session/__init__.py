@@ -3,7 +3,3 @@
 Seats and drivers are decided here; what happens on the track is decided by the world. The server
 feeds joins, controls and ticks in, and takes events, observations and standings out.
 """
-
-from race_server.session.session import Session
-
-__all__ = ["Session"]

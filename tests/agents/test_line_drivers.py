@@ -32,7 +32,7 @@ from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.raceline.reference import reference_limit
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import SMALL_RING, ring
 from support.races import run_race
 

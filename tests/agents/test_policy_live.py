@@ -13,7 +13,7 @@ from race_server.core.messages import Status
 from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import ring
 from support.servers import running
 from support.trainings import write_lapping_policy

@@ -23,8 +23,8 @@ from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
 from race_server.session.journal_entries import Inputs
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 

@@ -27,7 +27,7 @@ from race_server.live.client.driver import run_driver
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.results.queries import races
 from support.served_event import EVENING, Killed, Served, spec_of

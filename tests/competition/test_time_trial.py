@@ -52,7 +52,7 @@ from race_server.envs.reality_gap import RealityGap
 from race_server.errors import ResultsError, ScenarioError
 from race_server.live.local_drivers import briefing_for
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.csv_table import write_csv
 from race_server.terminal import Console
 from support.trials import OVAL, PLACE, keep

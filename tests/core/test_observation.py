@@ -18,7 +18,7 @@ from race_server.core.stages import observed_parts
 from race_server.core.stages.observe import observe_karts
 from race_server.core.state import field_of
 from race_server.errors import ScenarioError
-from race_server.session import Session
+from race_server.session.session import Session
 from support.sessions import session_on_ring
 
 

@@ -18,7 +18,7 @@ from race_server.envs.presets import race_task, task_on
 from race_server.envs.task import Task
 from race_server.live.local_drivers import briefing_for
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import SMALL_RING
 from support.tasks import FREE, ring_task
 

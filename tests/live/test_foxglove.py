@@ -15,7 +15,7 @@ from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire.spectate import decode_snapshot
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.scene import course_scene
 from support.courses import ring
 from support.servers import running

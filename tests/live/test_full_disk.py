@@ -25,7 +25,7 @@ from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.pictures import save
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.csv_table import write_csv
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording

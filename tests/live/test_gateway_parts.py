@@ -39,7 +39,7 @@ from race_server.net.wire.spectate import encode_events, encode_standings
 from race_server.scenario.race import Scenario
 from race_server.scenario.sensors import Lidar, Radar
 from race_server.scenario.track.course import Obstacle
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import SMALL_RING
 from support.messages import PROGRAMME, STANDINGS
 

@@ -23,7 +23,7 @@ from race_server.live.server import LOCKSTEP, REAL, RaceServer, ServerTiming
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join, encode_join
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.terminal import Console
 from support.courses import TINY_RING
 from support.servers import LiveServer, running, wait_until, waiting

@@ -5,7 +5,7 @@ from typing import Any
 
 from race_server.live.server.lobby import Lobby
 from race_server.live.server.timing import ServerTiming
-from race_server.session import Session
+from race_server.session.session import Session
 from support.sessions import session_on_ring
 
 

@@ -17,7 +17,7 @@ from race_server.live.server.warm_up import warm_up
 from race_server.logs import Log
 from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
-from race_server.session import Session
+from race_server.session.session import Session
 from support.chromium import NEEDS_CHROMIUM, Page, Stage, chromium
 from support.served_event import TRIAL, Served, spec_of
 from support.served_race import gated, wait_for_race

@@ -18,7 +18,7 @@ from race_server.net.wire.admin import Decision
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.lot import Lot
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun

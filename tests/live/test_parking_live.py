@@ -20,8 +20,8 @@ from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.admin import Decision
 from race_server.net.wire.lobby import Join
-from race_server.session import Session
 from race_server.session.interventions import Intervention
+from race_server.session.session import Session
 from race_server.storage.recording.channels import LOTS
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_lines, read_recording

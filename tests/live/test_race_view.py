@@ -19,7 +19,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.topics import Topic
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import ring
 from support.messages import PROGRAMME, STANDINGS
 

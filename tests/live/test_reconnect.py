@@ -15,7 +15,7 @@ from race_server.live.client.timing import ClientTiming
 from race_server.live.server import REAL, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.tools.drills.stalled_link import StalledLink
 from support.courses import ring
 

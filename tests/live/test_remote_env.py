@@ -23,7 +23,7 @@ from race_server.live.client.timing import ClientTiming
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import ring
 from support.servers import LiveServer, running
 

@@ -20,8 +20,8 @@ from race_server.net.transport import ServerLink
 from race_server.net.wire.drive import HudFrame
 from race_server.net.wire.pose import decode_pose
 from race_server.scenario.race import Scenario
-from race_server.session import Session
 from race_server.session.failsafe import FRESH_TICKS, SLOW_TICKS, grace_of
+from race_server.session.session import Session
 from race_server.tools.drills.lossy_link import LinkConditions
 from race_server.tools.drills.sites import drill_sites
 from support.courses import SMALL_RING

@@ -16,7 +16,7 @@ from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.net.transport import ServerLink
 from race_server.scenario.parking import parking_scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
 from race_server.storage.recording.rerun import Rerun

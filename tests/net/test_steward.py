@@ -26,8 +26,8 @@ from race_server.net.wire.admin import (
 )
 from race_server.net.wire.lobby import encode_reply
 from race_server.net.wire.spectate import decode_events
-from race_server.session import Session
 from race_server.session.interventions import Intervention, InterventionKind
+from race_server.session.session import Session
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import races
 from race_server.storage.results.store import Store

@@ -19,7 +19,7 @@ from race_server.scenario.track.course import Obstacle
 from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.polyline import nearest_on
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import SMALL_RING
 
 RING = replace(SMALL_RING, digest="a ring of 6 m")

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from race_server.core.messages import Control, Merit, Phase, Standing, Timing
-from race_server.session import Session
 from race_server.session.mini_gates import GATES
 from race_server.session.section_times import SectionTimes
+from race_server.session.session import Session
 from support.sessions import session_on_ring
 
 KARTS, LATE, DECISION_TICKS = 8, 7, 3

@@ -9,9 +9,9 @@ from race_server.core.messages import Control, Ending, EventKind, Phase, RayHit
 from race_server.core.observation import Observation
 from race_server.errors import SeatError
 from race_server.scenario.track.lot import Zone
-from race_server.session import Session
 from race_server.session.interventions import InterventionKind
 from race_server.session.parking import check_slot, free_slot
+from race_server.session.session import Session
 from support.lots import Beeline, lot_session, one_slot, open_lot
 from support.sessions import session_on_ring
 

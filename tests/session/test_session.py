@@ -6,7 +6,6 @@ from race_server.core.messages import Button, Control, EventKind, Phase, Status
 from race_server.errors import ScenarioError, SeatError, WireError
 from race_server.live.server.publisher import snapshot_of
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
 from race_server.session.failsafe import (
     AWAY_TICKS,
     BRAKE_TICKS,
@@ -18,6 +17,7 @@ from race_server.session.failsafe import (
     control_under,
     failsafe_stage,
 )
+from race_server.session.session import Session
 from support.sessions import session_on_ring
 
 

@@ -23,7 +23,7 @@ from race_server.errors import SeatError, WireError
 from race_server.live.server.hud import hud_of
 from race_server.live.server.publisher import snapshot_of
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.tracked import COURSE, RADIUS, TICK_US, Real, drive, mixed
 
 

@@ -18,9 +18,9 @@ from race_server.net.wire import topics
 from race_server.net.wire.placement import PLACED, decode_placements, encode_placements
 from race_server.net.wire.spectate import SnapshotWriter
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.session.interventions import InterventionKind
 from race_server.session.replay_guard import Granted
+from race_server.session.session import Session
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording

@@ -23,9 +23,9 @@ from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.live.server.resume import restore_session
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.session.interventions import Intervention, InterventionKind
 from race_server.session.journal_entries import Inputs
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording, read_recording
 from race_server.storage.recording.rerun import Rerun

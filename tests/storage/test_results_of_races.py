@@ -22,8 +22,8 @@ from race_server.net.transport import ClientLink, ServerLink
 from race_server.net.wire import topics
 from race_server.net.wire.spectate import decode_events
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
 from race_server.session.lap_log import Lap
+from race_server.session.session import Session
 from race_server.storage.results import keeper
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.queries import all_laps, races

@@ -11,7 +11,7 @@ from race_server.live.server.publisher import snapshot_of
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Scenario
 from race_server.scenario.track.lot import Lot
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.scenario_codec import pack_scenario, unpack_scenario
 
 

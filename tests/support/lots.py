@@ -18,7 +18,7 @@ from race_server.scenario.parking import LOT_RULES
 from race_server.scenario.race import Scenario, make_world
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot, People, Zone
-from race_server.session import Session
+from race_server.session.session import Session
 
 # A file of one bay at the right end of an area; further keys go before it, tables behind it.
 ONE_BAY = """

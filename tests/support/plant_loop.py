@@ -12,7 +12,7 @@ from race_server.core.observation import Observation
 from race_server.core.vehicle_presets import KART_30, TT02
 from race_server.live.server.hud import hud_of
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import ring
 
 

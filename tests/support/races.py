@@ -5,7 +5,7 @@ from race_server.core.messages import Event, Phase
 from race_server.core.observation import Observation
 from race_server.live.local_drivers import briefing_for
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 def run_race(scenario: Scenario, names: list[str]) -> tuple[Session, list[Event]]:

@@ -25,7 +25,7 @@ from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.results.keeper import Keeper
 from race_server.storage.results.writer import writer_for

@@ -23,7 +23,7 @@ from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from support.courses import SMALL_RING
 from support.servers import running

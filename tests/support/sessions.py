@@ -4,7 +4,7 @@ from typing import Any
 
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.course import Course
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import SMALL_RING
 
 

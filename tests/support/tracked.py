@@ -10,7 +10,7 @@ from race_server.core.messages import (
     PoseFault,
 )
 from race_server.scenario.race import Rules, Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from support.courses import ring
 
 RADIUS = 10.0

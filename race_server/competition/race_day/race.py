@@ -15,7 +15,7 @@ from race_server.errors import DriverError, RaceError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.net.wire.drive import ControlFrame, decode_control
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.results.keeper import Keeper
 
 Answer = TypeVar("Answer")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from race_server.competition.race_day.incidents import Incidents
 from race_server.core.messages import Status
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ kernels the modules that these import from it.
 """
 
 import ast
+from collections.abc import Iterator
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +15,8 @@ PACKAGE = Path(__file__).parents[2]
 WINGS = ("core", "envs")
 # Entry points of drivers, and of modules with kernels that no driver calls.
 GROUPS = ("race_server.drivers", "race_server.kernels")
+# Where a statement holds others.
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
 def kernel_sources() -> dict[str, Path]:
@@ -71,7 +74,7 @@ def _imports_of(path: Path, module: str) -> list[str]:
         return []  # it cannot be imported either, and its driver reports that
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     names = []
-    for node in ast.walk(tree):
+    for node in _statements_in(tree):
         if isinstance(node, ast.Import):
             names += [each.name for each in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -81,6 +84,16 @@ def _imports_of(path: Path, module: str) -> list[str]:
             )
             names += [base, *(f"{base}.{each.name}" for each in node.names)]
     return names
+
+
+def _statements_in(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield all statements; an import is one, and what is inside an expression takes long."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for name in _BLOCKS:
+            waiting += getattr(node, name, ())
 
 
 def _module_of(path: Path, package: Path) -> str:

@@ -11,9 +11,9 @@ from race_server.core.state import EFFECTS
 from race_server.live.server.timing import ServerTiming
 from race_server.net.wire.drive import EFFECT, HudFrame
 from race_server.net.wire.spectate import Rows
-from race_server.session import Session
 from race_server.session.parking import are_driven
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 _NO_EFFECTS = np.zeros(0, EFFECT)
 

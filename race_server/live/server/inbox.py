@@ -11,7 +11,7 @@ from race_server.net.wire.alert import decode_alert
 from race_server.net.wire.drive import decode_control
 from race_server.net.wire.pose import decode_pose
 from race_server.net.wire.telemetry import decode_telemetry
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 class Inbox:

@@ -9,7 +9,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.journal import StartFrame
 from race_server.net.wire.spectate import decode_snapshot, encode_events
 from race_server.net.wire.topics import Topic
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.queue import Ticket
 from race_server.storage.recording.channels import (
     ALERTS,

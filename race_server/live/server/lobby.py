@@ -10,7 +10,7 @@ from race_server.live.local_drivers import LocalDrivers
 from race_server.live.server.timing import ServerTiming
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 class Lobby:

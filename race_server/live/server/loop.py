@@ -27,7 +27,7 @@ from race_server.live.watchdog import Watchdog
 from race_server.logs import Log
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording
 from race_server.storage.results.keeper import Keeper

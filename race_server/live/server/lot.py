@@ -10,8 +10,8 @@ from race_server.core.parking_order import own_blocks_of
 from race_server.core.state import Floats
 from race_server.live.local_drivers import order_for
 from race_server.net.wire.parking import BLOCK, GOAL, WALKER, LotFrame, OrderFrame, Rows, WayFrame
-from race_server.session import Session
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 NO_WAYS: Mapping[int, Floats] = MappingProxyType({})
 

@@ -8,7 +8,7 @@ from race_server.core.messages import Event
 from race_server.live.server.journal import Journal
 from race_server.live.server.timing import ServerTiming
 from race_server.net.wire.topics import Topic
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.queue import Ticket
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import Recording

@@ -31,9 +31,9 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.telemetry import TelemetriesFrame, encode_telemetries
 from race_server.net.wire.topics import Topic
-from race_server.session import Session
 from race_server.session.parking import has_lot
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 # Between two messages of an event [s], and after how many of them the ghosts are sent again.
 EVENT_S, GHOSTS_EVERY = 0.5, 4

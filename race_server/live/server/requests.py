@@ -29,10 +29,10 @@ from race_server.net.wire.lobby import (
 )
 from race_server.net.wire.sheets import LOCKSTEP, course_sheet, line_sheet, rules_sheet
 from race_server.net.wire.spectate import encode_events, encode_standings
-from race_server.session import Session
 from race_server.session.parking import parks_from_start
 from race_server.session.replay_guard import Granted
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 
 class RequestHandler:

@@ -9,7 +9,7 @@ from typing import Any
 
 from race_server.core.messages import Event, Standing
 from race_server.errors import SeatError
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 @dataclass(frozen=True)

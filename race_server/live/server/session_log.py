@@ -14,8 +14,8 @@ from race_server.live.server.counters import Counters
 from race_server.live.server.result import RaceResult
 from race_server.live.server.timing import ServerTiming
 from race_server.logs import Log
-from race_server.session import Session
 from race_server.session.failsafe import FailsafeStage
+from race_server.session.session import Session
 
 
 @dataclass

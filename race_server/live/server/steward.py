@@ -9,7 +9,7 @@ from typing import Protocol
 from race_server.core.messages import Fault, Flag
 from race_server.errors import Reason, SeatError
 from race_server.net.wire.admin import Decision
-from race_server.session import Session
+from race_server.session.session import Session
 
 # At most this many decisions are kept in the log.
 MOST_LINES = 500

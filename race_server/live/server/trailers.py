@@ -4,7 +4,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.net.wire.parking import TRAILER, TRAILER_NAMES, Rows
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 def trailers_of(session: Session) -> Rows:

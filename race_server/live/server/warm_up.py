@@ -13,7 +13,7 @@ from race_server.core.state import PLACEMENT
 from race_server.errors import DriverError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.scenario.race import Scenario
-from race_server.session import Session
+from race_server.session.session import Session
 
 
 def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:

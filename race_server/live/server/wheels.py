@@ -24,9 +24,9 @@ from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for
 from race_server.live.server.counters import Counters
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
-from race_server.session import Session
 from race_server.session.observations import Observations
 from race_server.session.parking import are_driven, check_slot, has_lot, races_first
+from race_server.session.session import Session
 
 # The driver that parks, where the server names no other.
 VALET = "valet"

@@ -15,9 +15,9 @@ from race_server.core.messages import PlannedWay
 from race_server.core.state import Floats
 from race_server.errors import DriverError, PlanError
 from race_server.live.local_drivers import LocalDrivers
-from race_server.session import Session
 from race_server.session.parking import parks_from_start
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 
 # A plan is asked for once a vehicle has driven this way [m]: one that stands needs none.
 BEGUN_M = 1.0

@@ -5,7 +5,7 @@ import json
 from collections.abc import Container
 
 from race_server.net.wire.journal import SeatRow, StartFrame
-from race_server.session import Session
+from race_server.session.session import Session
 from race_server.storage.recording.scenario_codec import pack_scenario
 from race_server.version import __version__
 

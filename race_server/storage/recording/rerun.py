@@ -7,10 +7,10 @@ from race_server.core.clock import TICKS_PER_SECOND, ticks_of
 from race_server.core.messages import Event
 from race_server.core.stages.sightings import APART, REMEMBERED
 from race_server.errors import RecordingError
-from race_server.session import Session
 from race_server.session.interventions import ON_KARTS, Intervention
 from race_server.session.journal_entries import Entry, Inputs
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 from race_server.session.tracked.karts import Placements
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.scenario_codec import unpack_scenario

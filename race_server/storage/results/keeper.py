@@ -11,9 +11,9 @@ from importlib.metadata import entry_points
 from race_server.core.driver import ENTRY_POINTS
 from race_server.core.messages import Phase, Standing
 from race_server.scenario.race import Rules
-from race_server.session import Session
 from race_server.session.lap_log import Lap
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 from race_server.storage.queue import Ticket
 from race_server.storage.results.store import FINISHED, STOPPED, Correction, Entry, Outcome, Race
 from race_server.storage.results.writer import Writer

@@ -54,7 +54,7 @@ class PeerServer:
         from race_server.live.server.counters import Counters
         from race_server.scenario.race import Rules, Scenario
         from race_server.scenario.track.load import load_course
-        from race_server.session import Session
+        from race_server.session.session import Session
 
         self.session = Session(
             "peer", Scenario(load_course(track), karts=karts, rules=Rules(laps=1000))

@@ -28,7 +28,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
+from race_server.session.session import Session
 
 COURSE = "covapsy-test-2023"
 

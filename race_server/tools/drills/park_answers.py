@@ -18,9 +18,9 @@ from race_server.envs.parking import Parking
 from race_server.envs.task import Task
 from race_server.live.local_drivers import briefing_for
 from race_server.scenario.race import line_up_race
-from race_server.session import Session
 from race_server.session.observations import Observations
 from race_server.session.seats import Seat
+from race_server.session.session import Session
 from race_server.storage.recording.reader import Recording
 from race_server.storage.recording.rerun import Rerun
 

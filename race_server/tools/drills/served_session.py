@@ -16,7 +16,7 @@ from race_server.net.auth.keys import ClientKeys, read_client_keys, read_server_
 from race_server.net.transport import ClientLink, ServerLink
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
-from race_server.session import Session
+from race_server.session.session import Session
 
 COURSE = "covapsy-test-2023"
 SESSION = "drill"
