@@ -59,7 +59,7 @@ def drill_onboard(
 
     if part and part not in PARTS:
         raise typer.BadParameter(f"part {part!r} is unknown; choose one of {', '.join(PARTS)}")
-    total = math.ceil(most_km) if part == "races" else seeds * 8 + 137
+    total = math.ceil(most_km) if part == "races" else seeds * 9 + 137
     with progress("driving", total) as tell:
         document = measure(
             track,

@@ -20,8 +20,9 @@ from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 
 PERIOD_S = 0.02
-# A person stands this far along the line from the start [m], so that the reflex has work.
-PERSON_M = 60.0
+# A person stands this far along the line from the start [m], so that the reflex has work, and leaves
+# after this time [s]: the kart drives on.
+PERSON_M, LEAVES_S = 60.0, 12.0
 # A kart that tells where it is begins this share of a lap ahead, and drives a lap in these turns.
 AHEAD, LAP_TURNS = 0.12, 10_000
 SENSORS = Sensors(
@@ -50,6 +51,8 @@ def golden_turns(
     turns = []
     for number in range(round(seconds / PERIOD_S)):
         now_s = number * PERIOD_S
+        if now_s >= LEAVES_S:
+            around.people.clear()
         wanted = chauffeur.act(plant.body)
         cap = math.inf if number % 500 < 400 else 5.0
         turn = Turn(

@@ -130,7 +130,8 @@ class Odometer:
         dt, sensors = now_s - self._now_s, self.sensors
         rolls, self._now_s = body.speed, now_s
         if dt > 0.0:  # never at the first reading
-            rolls *= 1.0 + (body.speed - self._was) / (dt * GRAVITY * SLIP_STIFFNESS)
+            pull = math.copysign(1.0, body.speed) * (body.speed - self._was)
+            rolls *= 1.0 + pull / (dt * GRAVITY * SLIP_STIFFNESS)
             target = 0.0 if body.brake > sensors.wheels_lock else rolls
             step = (LOCKS if abs(target) < abs(self._turns) else UNLOCKS) * dt
             locks = body.brake > sensors.wheels_lock or abs(rolls - self._turns) > step

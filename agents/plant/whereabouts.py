@@ -152,14 +152,17 @@ def unstamped_rows(setting: Setting) -> list[Row]:
 
 
 def coarse_rows(setting: Setting) -> list[Row]:
-    """Return accuracy with satellites alone."""
-    runs, were = [], []
-    for trip in setting.trips(Sensors(fix_deviation=1.5)):
-        runs.append(follow(trip))
-        were.append(innocent(trip))
-    off, was = off_after(runs, SETTLED_S), off_after(were, SETTLED_S)
-    title = "place, fixes 1.5 m, 100 ms late: RMS"
-    return [Row(title, "m", rms(off), most=0.45, before=rms(was))]
+    """Return accuracy with satellites alone, without and with the speed that a receiver tells."""
+    result = []
+    for words, deviation in (("", None), (" with speed and course", 0.1)):
+        runs, were = [], []
+        for trip in setting.trips(Sensors(fix_deviation=1.5, velocity_deviation=deviation)):
+            runs.append(follow(trip))
+            were.append(innocent(trip))
+        off, was = off_after(runs, SETTLED_S), off_after(were, SETTLED_S)
+        title = f"place, fixes 1.5 m{words}, 100 ms late: RMS"
+        result.append(Row(title, "m", rms(off), most=0.45, before=rms(was)))
+    return result
 
 
 def silent_rows(setting: Setting) -> list[Row]:

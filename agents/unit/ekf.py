@@ -30,6 +30,7 @@ from race_agents.unit.motion import (
     Floats,
     X,
     Y,
+    acceleration_of,
     antenna_at,
     antenna_jacobian,
     drive_on,
@@ -64,7 +65,7 @@ BRAKES = 7.0
 # A kart that slides keeps its direction for about this time [s].
 SLIDE_S = 0.1
 # Deviations at the start: wheels' scale, compliance as a share, delay [s].
-SCALE_DEVIATION, COMPLIANCE_SHARE, DELAY_DEVIATION = 0.03, 0.2, 0.08
+SCALE_DEVIATION, COMPLIANCE_SHARE, DELAY_DEVIATION = 0.03, 0.2, 0.15
 MOST_DELAY_S = 0.6
 # Receivers with corrections: 90 to 110 ms as a rule (PX4 EKF2_GPS_DELAY: 110 ms).
 USUAL_DELAY_S = 0.1
@@ -108,6 +109,7 @@ class KartFilter(Corrected):
                 *(SCALE_DEVIATION**2, (COMPLIANCE_SHARE * compliance) ** 2, DELAY_DEVIATION**2),
             ]
         )
+        self._push = 0.0, 0.0  # [m/s²] in the last step
         self._calm_s = 0.0  # since the last blow
         self._seen: Sighting | None = None  # of the borders, the last one
         self._seen_s = 0.0  # ago
@@ -138,7 +140,7 @@ class KartFilter(Corrected):
         self._seen_s += dt
         slope = jacobian_of(self.state, dt)
         noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
-        ahead, aside = push or (0.0, 0.0)
+        ahead, aside = self._push = push or (0.0, 0.0)
         half = np.zeros(SIZE)
         half[SPEED], half[SLIDE] = 0.5 * dt * ahead, 0.5 * dt * aside
         state = drive_on(self.state + half, dt) + half
@@ -170,15 +172,20 @@ class KartFilter(Corrected):
         """Take a position fix of this moment; False if it was not believed.
 
         lag: [s] by which the filter was set back for a fix without a stamp: the delay is then
-        learned from where the fix lies along the way. jitter: deviation [s] of the stamp.
+        learned from where the fix lies along the way, to the second order: a kart that drives off
+        was slower then (Bar-Shalom, Li and Kirubarajan 2001, section 10.3). jitter: deviation [s]
+        of the stamp.
         """
         residual = np.array([x, y]) - antenna_at(self.state, self._lever)
         slope = antenna_jacobian(self.state, self._lever)
         noise = np.eye(2) * deviation**2
         velocity = velocity_of(self.state, self._lever)
         if lag is not None:
-            residual = residual + velocity * (float(self.state[DELAY]) - lag)
+            later, unsure = float(self.state[DELAY]) - lag, float(self.covariance[DELAY, DELAY])
+            change = acceleration_of(self.state, self._push)
+            residual = residual + velocity * later - 0.5 * (later * later + unsure) * change
             slope[:, DELAY] = -velocity
+            noise += 0.5 * unsure * unsure * np.outer(change, change)
         if jitter > 0.0:
             noise += jitter**2 * np.outer(velocity, velocity)
         if self._update("position", residual, slope, noise):

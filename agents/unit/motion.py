@@ -145,6 +145,16 @@ def velocity_of(state: Floats, lever: float) -> Floats:
     return np.array([state[SPEED] * cos - left * sin, state[SPEED] * sin + left * cos])
 
 
+def acceleration_of(state: Floats, push: tuple[float, float]) -> Floats:
+    """Return how the velocity of the rear axle changes [m/s²], east and north, shape (2,).
+
+    push: how its speeds ahead and to the left do [m/s²].
+    """
+    cos, sin, rate = math.cos(state[HEADING]), math.sin(state[HEADING]), state[YAW_RATE]
+    ahead, left = push[0] - state[SLIDE] * rate, push[1] + state[SPEED] * rate
+    return np.array([ahead * cos - left * sin, ahead * sin + left * cos])
+
+
 def velocity_jacobian(state: Floats, lever: float) -> Floats:
     """Return the derivative of `velocity_of` by the state, shape (2, 10)."""
     cos, sin = math.cos(state[HEADING]), math.sin(state[HEADING])

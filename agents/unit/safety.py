@@ -178,11 +178,19 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
+    echoes = _things_within(echoes, room + limits.nose)
+    if not len(echoes.x):
+        return Verdict()
     along, aside = way_along(echoes.x, echoes.y, wanted)
     beside = np.where(echoes.may_be_people, limits.berth, 0.0)
-    close = is_on_way(along, aside, beside, wanted, limits)
-    close &= (along - limits.nose < room) & (echoes.kinds != codes.BORDER)
+    close = is_on_way(along, aside, beside, wanted, limits) & (along - limits.nose < room)
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
+
+
+def _things_within(echoes: Echoes, far: float) -> Echoes:
+    """Return the echoes of no border that are nearer than this [m]: no arc leads there sooner."""
+    near = echoes.x * echoes.x + echoes.y * echoes.y < far * far
+    return echoes.kept(near & (echoes.kinds != codes.BORDER))
 
 
 def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
@@ -190,6 +198,7 @@ def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """
+    echoes = _things_within(echoes, limits.restart + limits.nose)
     if not len(echoes.x):
         return Verdict()
     for curvature in ways_out(0.0, limits):

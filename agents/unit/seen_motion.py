@@ -15,6 +15,7 @@ from race_server.core import codes
 # Borders tell the kart's own speed by this number of echoes at least, within this angle [rad] of
 # its nose, and that is known for this long [s].
 BORDERS, FRONT, SEEN_S = 4, 0.8, 0.6
+WIDENS = math.tan(FRONT)
 # Two fixes this long [s] apart tell how far the kart came, less this multiple of their deviation.
 APART_S, SURE = 0.5, 6.0
 # Faster [m/s] is no speed of a kart.
@@ -70,9 +71,11 @@ class SeenMotion:
 
     def _by_borders(self, echoes: Echoes) -> tuple[float, float] | None:
         """Return the speed [m/s] at which borders come nearer, None where few are seen."""
-        ways = np.arctan2(echoes.y, echoes.x - self.nose)
-        used = (echoes.kinds == codes.BORDER) & (np.abs(ways) < FRONT)
+        ahead = echoes.x - self.nose
+        used = (echoes.kinds == codes.BORDER) & (np.abs(echoes.y) < WIDENS * ahead)
         if np.count_nonzero(used) < BORDERS:
             return None
-        speed = float(np.median(echoes.closing[used] / np.cos(ways[used])))
+        far = np.hypot(ahead[used], echoes.y[used])
+        speeds = np.sort(echoes.closing[used] * far / ahead[used])
+        speed = 0.5 * float(speeds[(len(speeds) - 1) // 2] + speeds[len(speeds) // 2])
         return speed, speed

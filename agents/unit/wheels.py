@@ -1,7 +1,9 @@
 """Whether the wheels tell the kart's speed: not while they are locked, or spin.
 
-A kart cannot change its speed faster than its tyres can push it. Wheels that do have lost the
-road; they are believed again once they agree with the speed that the other sensors tell.
+Wheels that push turn a little faster than the kart drives, wheels that brake a little slower: tyres
+slip in proportion to the pull, and are taken to be as stiff along as across. A kart cannot change
+its speed faster than its tyres can push it. Wheels that do have lost the road; they are believed
+again once they agree with the speed that the other sensors tell.
 """
 
 import math
@@ -18,9 +20,11 @@ WINDOW_S = 0.07
 AGREE, AGREE_SHARE, AGREE_S = 0.3, 0.04, 0.1
 # No kart slides for longer [s]: its speed is then unknown, and the wheels say what it is.
 MOST_S = 4.0
-# Deviation at a stand [m/s], as a share of the speed, and that share under a pull of 1 g. Slip
-# lasts as long as the pull: it counts more than noise of this size.
-DEVIATION, SHARE, PULL_SHARE = 0.03, 0.01, 1.0
+# Deviation at a stand [m/s], as a share of the speed, and that share under a pull of 1 g. How far
+# slip is not as expected lasts as long as the pull: it counts more than noise of this size.
+DEVIATION, SHARE, PULL_SHARE = 0.03, 0.01, 0.3
+# Tyres that slip by more than this no longer push in proportion.
+MOST_SLIP = 0.2
 
 
 @dataclass
@@ -28,6 +32,7 @@ class Wheels:
     """The wheels' speed, and whether it is the kart's."""
 
     hold: float  # [m/s²] that the tyres can do
+    yields: float  # [s²/m] slip of the tyres per pull
     _recent: deque[tuple[float, float]] = field(default_factory=deque)
     _lost_s: float = math.inf  # when the wheels lost the road
     _agree_s: float = math.inf  # since when they agree again
@@ -35,12 +40,12 @@ class Wheels:
     @classmethod
     def of(cls, vehicle: Vehicle) -> "Wheels":
         """Return the wheels of a vehicle."""
-        return cls(MARGIN * vehicle.grip * GRAVITY)
+        return cls(MARGIN * vehicle.grip * GRAVITY, 1.0 / (GRAVITY * vehicle.cornering))
 
     def trusted(
         self, speed: float, estimate: float, pull: float, time_s: float
     ) -> tuple[float, float] | None:
-        """Return the wheels' speed and its deviation [m/s], or None while it is not the kart's.
+        """Return the kart's speed and its deviation [m/s], or None while the wheels do not tell it.
 
         speed: of the wheels; estimate: of the kart, as far as it is known without them [m/s]; pull:
         its acceleration ahead [m/s²], under which wheels slip.
@@ -52,18 +57,20 @@ class Wheels:
         self._recent.append((time_s, speed))
         while time_s - self._recent[0][0] > WINDOW_S:
             self._recent.popleft()
-        self._judge(speed, estimate, time_s)
+        slip = max(-MOST_SLIP, min(math.copysign(self.yields, speed) * pull, MOST_SLIP))
+        told = speed / (1.0 + slip)
+        self._judge(speed, told - estimate, estimate, time_s)
         if self._lost_s < math.inf:
             return None
-        slip = SHARE + PULL_SHARE * abs(pull) / GRAVITY
-        return speed, math.hypot(DEVIATION, slip * abs(speed))
+        unsure = SHARE + PULL_SHARE * abs(pull) / GRAVITY
+        return told, math.hypot(DEVIATION, unsure * abs(told))
 
     @property
     def is_lost(self) -> bool:
         """Whether the wheels are locked, or spin."""
         return self._lost_s < math.inf
 
-    def _judge(self, speed: float, estimate: float, time_s: float) -> None:
+    def _judge(self, speed: float, off: float, estimate: float, time_s: float) -> None:
         then_s, then = self._recent[0]
         if time_s > then_s and abs(speed - then) > self.hold * max(time_s - then_s, WINDOW_S):
             if self._lost_s == math.inf:
@@ -72,7 +79,7 @@ class Wheels:
             return
         if self._lost_s == math.inf:
             return
-        if abs(speed - estimate) > AGREE + AGREE_SHARE * abs(estimate):
+        if abs(off) > AGREE + AGREE_SHARE * abs(estimate):
             self._agree_s = math.inf
         elif self._agree_s == math.inf:
             self._agree_s = time_s

@@ -141,6 +141,25 @@ def test_the_delay_of_fixes_without_a_stamp_is_found() -> None:
     assert found.delays[-1] == pytest.approx(0.21, abs=0.02)
 
 
+def test_a_delay_of_300_ms_is_found_though_the_kart_drove_off_meanwhile() -> None:
+    found = follow(trip(20.0, fix_stamped=False, fix_delay_s=0.3))
+    assert found.delays[-1] == pytest.approx(0.31, abs=0.02)
+    assert found.refused <= 3
+
+
+def test_a_fix_of_a_kart_that_was_slower_then_tells_how_late_it_is_and_how_surely() -> None:
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0, heading_deviation=0.01)
+    filtered.covariance = np.diag([1e-6] * motion.SIZE)
+    filtered.covariance[DELAY, DELAY] = 0.12**2
+    filtered.state[[SPEED, DELAY]] = 3.96, 0.1
+    filtered.predict(0.01, push=(4.0, 0.0))  # to 4 m/s
+    # It is of 0.2 s before what it was taken for, when the kart was 0.8 m - 0.08 m back.
+    assert filtered.see_position(filtered.state[X] - 0.72, 0.0, 0.001, lag=0.1)
+    off = abs(float(filtered.state[DELAY]) - 0.3)
+    assert off < 0.02
+    assert 0.5 * off < math.sqrt(filtered.covariance[DELAY, DELAY]) < 2.0 * off
+
+
 def test_a_range_by_a_detour_weighs_little_and_one_that_is_absurd_nothing() -> None:
     moved = []
     for excess in (0.1, 0.4, 3.0):
@@ -232,6 +251,15 @@ def test_wheels_that_tell_a_metre_a_second_less_than_is_seen_are_not_used() -> N
         estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.02), 0.0, 0.0)
         tick = estimator._tick(Readings(0.01, 0.0, 0.0, 0.0), seen)
         assert (tick.wheel is not None) == is_used
+
+
+def test_wheels_under_load_turn_faster_and_braked_ones_slower_than_the_kart_drives() -> None:
+    # Tyres as stiff as ten times their load: under a pull of 1 g they slip by a tenth.
+    for way in (1.0, -1.0):
+        for rim, pull, speed in ((11.0, 9.81, 10.0), (9.0, -9.81, 10.0), (12.0, 0.0, 12.0)):
+            told = Wheels.of(KART_60).trusted(way * rim, way * speed, way * pull, 0.0)
+            assert told is not None
+            assert told[0] == pytest.approx(way * speed)
 
 
 def test_wheels_that_lock_are_not_believed_until_they_agree_again() -> None:
