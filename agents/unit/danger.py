@@ -227,7 +227,8 @@ def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> 
     time_s = float(TIMES[first])
     pace, room = _approach(track, foreseen, speed, float(along[first]), limits)
     needed = _needed(pace, room, limits.reaction_s)
-    soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= limits.braking
+    full = limits.promised if _drives(track) else limits.braking
+    soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= full
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
     # It comes: brakes take off the smaller part. Or it soon drives into the flank.
     flank = gap[first] < -PASSED and time_s < FLANK_S
@@ -296,7 +297,7 @@ def _stage(
         if needed >= EASE_SHARE * limits.promised:
             return DangerStage.EASE
         # Who told that it brakes does so for its bend as a rule, for which this driver brakes, too.
-        is_due = track.braking <= 0.0 and needed >= WARN_SHARE * limits.promised
+        is_due = track.braking <= 0.0 and (soon or needed >= WARN_SHARE * limits.promised)
         return DangerStage.WARN if is_due else DangerStage.INFORM
     if needed >= limits.braking:
         return DangerStage.FULL

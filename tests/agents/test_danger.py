@@ -139,6 +139,20 @@ def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> Non
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.FULL
 
 
+@pytest.mark.parametrize("closing", [2.0, 4.0, 8.0])
+def test_who_closes_in_on_a_kart_that_drives_is_warned_a_second_before_full_brakes(
+    closing: float,
+) -> None:
+    def reached(stage: DangerStage) -> float:
+        """Return from how far behind on a danger is of a stage [m]."""
+        behind = (0.01 * number for number in range(3000, 0, -1))
+        drives = partial(track_at, y=0.0, vx=12.0 - closing, kind=codes.KART_HIT)
+        return next(x for x in behind if danger_of(drives(x), 12.0, 0.0, LIMITS).stage >= stage)
+
+    warned_s = (reached(DangerStage.WARN) - reached(DangerStage.FULL)) / closing
+    assert warned_s == pytest.approx(0.95, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("missed", "stage"), [(0, DangerStage.FULL), (2, DangerStage.FULL), (3, DangerStage.EASE)]
 )
