@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from race_agents.training.run import TrainingResult
     from support.trainings import Train
 
+# A compiler makes millions of objects that stay: to look through them takes a tenth of its time.
+gc.set_threshold(100_000)
 # The first example of a test may compile a kernel.
 hypothesis.settings.register_profile("compiles", deadline=None)
 hypothesis.settings.load_profile("compiles")
