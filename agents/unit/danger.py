@@ -44,7 +44,7 @@ EASE_SHARE, WARN_SHARE = 0.75, 0.5
 # The motor goes off, and a little braking shows the driver that it is meant.
 EASING = Verdict(brake=0.3, motor=0.0, cause=Cause.OBSTACLE)
 # The future is looked at in these steps, this far [s].
-STEP_S, FORESEEN_S = 0.1, 4.0
+STEP_S, FORESEEN_S = 0.1, 5.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35

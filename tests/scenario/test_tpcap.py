@@ -143,6 +143,8 @@ DAMAGES: dict[str, tuple[list[float] | str, str]] = {
     "cut off": (numbers(LEFT)[:-1], r"7 numbers for 4 corners; give x and y of each, and nothing"),
     "too much": ([*numbers(LEFT), 1.0], r"9 numbers for 4 corners"),
     "too long": ("0," * (MOST_NUMBERS + 1), rf"more than {MOST_NUMBERS} numbers"),
+    "decimal commas": ("0,5\n2\n0\n10,5\n2\n1,57\n0\n", r"'0,5': write decimals with a point"),
+    "decimal commas in a line": ("0,5;2;0;10,5;2;1,57;0", r"'0,5': write decimals with a point"),
     "too large": ("0" * 2_000_000, r"larger than \d+ bytes"),
 }
 

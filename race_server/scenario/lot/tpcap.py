@@ -6,6 +6,7 @@ then x, y of all corners. Poses are those of the rear axle, in metres and radian
 """
 
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,6 +32,8 @@ MOST_BYTES = 32 * MOST_NUMBERS
 TILE = 1000.0
 FARTHEST = 2.0 * TILE  # [m] of any place, counted so
 LARGEST = 1e11  # of any number
+# Among the six numbers before the number of obstacles: a comma that sets off decimals.
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 # The area reaches this far beyond start and goal [m], as in the benchmark's own pictures.
 MARGIN = 8.0
 # Room around the vehicle in its slot [m], the most that obstacles leave.
@@ -129,6 +132,10 @@ def read_case(path: Path) -> Case:
 
 
 def _numbers_in(path: Path, text: str) -> list[float]:
+    words = text.replace(";", " ").split()
+    commas = [word for word in words[:6] if DECIMAL_COMMA.fullmatch(word)]
+    if commas and len(words) > 6 and words[6].isdigit():
+        raise LotError(f"{path}: {commas[0][:40]!r}: write decimals with a point")
     numbers: list[float] = []
     for line, row in enumerate(text.splitlines(), start=1):
         for word in row.replace(",", " ").replace(";", " ").split():
