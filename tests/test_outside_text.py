@@ -175,10 +175,16 @@ def test_numbers_in_a_table_for_spreadsheets_stay_numbers(tmp_path: Path) -> Non
 
 
 def test_tables_with_text_in_them_are_written_in_one_place() -> None:
-    files = [*ROOT.glob("race_server/**/*.py"), *ROOT.glob("agents/**/*.py")]
-    writers = {file.name for file in files if {"csv.writer", "csv.DictWriter"} & calls_in(file)}
+    wanted = {"csv.writer", "csv.DictWriter"}
+    writers = {file.name for file in files_with("csv.") if wanted & calls_in(file)}
     # The trace of a lap and the curve of a training are numbers.
     assert writers == {"csv_table.py", "ghost.py", "curve.py"}
+
+
+def files_with(*words: str) -> list[Path]:
+    """Return the files of both packages in which any of some words stands."""
+    files = [*ROOT.glob("race_server/**/*.py"), *ROOT.glob("agents/**/*.py")]
+    return [file for file in files if any(word in file.read_text() for word in words)]
 
 
 def calls_in(file: Path) -> set[str]:
@@ -201,9 +207,8 @@ def test_a_picture_shows_a_name_as_it_is(tmp_path: Path, name: str) -> None:
 
 
 def test_all_that_is_drawn_or_shown_live_goes_the_one_way() -> None:
-    files = [*ROOT.glob("race_server/**/*.py"), *ROOT.glob("agents/**/*.py")]
     without_console, pictures = [], []
-    for path in files:
+    for path in files_with("Live", "Progress", ".savefig"):
         for node in ast.walk(ast.parse(path.read_text())):
             if not isinstance(node, ast.Call):
                 continue

@@ -27,9 +27,14 @@ def sources() -> dict[str, str]:
     }
 
 
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {path: ast.parse(text) for path, text in sources().items()}
+
+
 def functions() -> Iterator[tuple[str, Function]]:
-    for path, text in sources().items():
-        for node in ast.walk(ast.parse(text)):
+    for path, tree in trees().items():
+        for node in ast.walk(tree):
             if isinstance(node, Function):
                 yield path, node
 
@@ -89,10 +94,10 @@ def test_only_stamps_logs_and_keys_read_the_wall_clock() -> None:
     }
 
 
-def imports_of(path: str, text: str, modules: dict[str, str]) -> set[str]:
+def imports_of(path: str, tree: ast.Module, modules: dict[str, str]) -> set[str]:
     """Return the files that a file imports, for type checkers as well."""
     found = set()
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{each.name}" for each in node.names)]
             found |= {modules[name] for name in names if name in modules}
@@ -136,7 +141,7 @@ def test_no_files_import_each_other_in_a_circle() -> None:
         for path in sources()
         if path != "race_server/__init__.py"
     }
-    graph = {path: imports_of(path, text, modules) for path, text in sources().items()}
+    graph = {path: imports_of(path, tree, modules) for path, tree in trees().items()}
     assert sum(map(len, graph.values())) > 1000
     assert circles(graph) == []
 
