@@ -58,13 +58,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: places.get(item.path, len(places)))
 
 
-def pytest_collection_finish() -> None:
-    """Refuse files that call a kernel as they are imported: each process would wait for it."""
+def called_kernels() -> list[str]:
+    """Return the names of the kernels that Python has called."""
     from race_server.core.kernels.dispatcher import Kernel
 
     kernels = (each for each in gc.get_objects() if type(each) is Kernel)
-    if called := sorted(each.__qualname__ for each in kernels if "entry" in vars(each)):
-        raise pytest.UsageError(f"a file of tests calls {', '.join(called)} as it is imported")
+    return sorted(each.__qualname__ for each in kernels if "entry" in vars(each))
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -74,6 +73,8 @@ def compiled() -> None:
     The second of several processes compiles what a training calls as well, and in another order:
     where both begin with the same kernel, one waits for the other.
     """
+    if called := called_kernels():  # each process waited for them
+        pytest.fail(f"a file of tests calls {', '.join(called)} as it is imported")
     scenario = Scenario(ring(), karts=2)
     if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
         compile_training(scenario)

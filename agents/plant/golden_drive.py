@@ -20,8 +20,8 @@ from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
 
 PERIOD_S = 0.02
-# A person stands this far along the line from the start [m], so that the reflex has work, and leaves
-# after this time [s]: the kart drives on.
+# A person stands this far along the line from the start [m], so that the reflex has work, and
+# leaves after this time [s]: the kart drives on.
 PERSON_M, LEAVES_S = 60.0, 12.0
 # A kart that tells where it is begins this share of a lap ahead, and drives a lap in these turns.
 AHEAD, LAP_TURNS = 0.12, 10_000
@@ -31,7 +31,13 @@ SENSORS = Sensors(
 
 
 def golden_turns(
-    course: Course, vehicle: Vehicle, *, seconds: float, seed: int, person_m: float = PERSON_M
+    course: Course,
+    vehicle: Vehicle,
+    *,
+    seconds: float,
+    seed: int,
+    person_m: float = PERSON_M,
+    leaves_s: float = LEAVES_S,
 ) -> list[Turn]:
     """Return the turns of a drive with every sensor, with faults, and with a person in the way."""
     line = course.line
@@ -51,7 +57,7 @@ def golden_turns(
     turns = []
     for number in range(round(seconds / PERIOD_S)):
         now_s = number * PERIOD_S
-        if now_s >= LEAVES_S:
+        if now_s >= leaves_s:
             around.people.clear()
         wanted = chauffeur.act(plant.body)
         cap = math.inf if number % 500 < 400 else 5.0

@@ -70,7 +70,7 @@ MOST_DELAY_S = 0.6
 # Receivers with corrections: 90 to 110 ms as a rule (PX4 EKF2_GPS_DELAY: 110 ms).
 USUAL_DELAY_S = 0.1
 
-Snapshot = tuple[Floats, Floats, dict[str, int], float, Sighting | None, float]
+Snapshot = tuple[Floats, Floats, dict[str, int], float, Sighting | None, float, tuple[float, float]]
 
 
 class KartFilter(Corrected):
@@ -116,12 +116,13 @@ class KartFilter(Corrected):
 
     def snapshot(self) -> Snapshot:
         """Return what `restore` brings back; nothing changes these arrays."""
-        seen = self._seen, self._seen_s
+        seen = self._seen, self._seen_s, self._push
         return self.state, self.covariance, self._refused.copy(), self._calm_s, *seen
 
     def restore(self, snapshot: Snapshot) -> None:
         """Be again what the filter was."""
-        self.state, self.covariance, refused, self._calm_s, self._seen, self._seen_s = snapshot
+        self.state, self.covariance, refused, self._calm_s, *seen = snapshot
+        self._seen, self._seen_s, self._push = seen
         self._refused = refused.copy()
 
     def predict(
@@ -182,9 +183,9 @@ class KartFilter(Corrected):
         velocity = velocity_of(self.state, self._lever)
         if lag is not None:
             later, unsure = float(self.state[DELAY]) - lag, float(self.covariance[DELAY, DELAY])
-            change = acceleration_of(self.state, self._push)
+            change = acceleration_of(self.state, self._push, self._lever)
             residual = residual + velocity * later - 0.5 * (later * later + unsure) * change
-            slope[:, DELAY] = -velocity
+            slope[:, DELAY] = later * change - velocity
             noise += 0.5 * unsure * unsure * np.outer(change, change)
         if jitter > 0.0:
             noise += jitter**2 * np.outer(velocity, velocity)

@@ -103,7 +103,7 @@ class Estimator:
         now_s, felt = readings.time_s, readings.acceleration
         dt = max(now_s - self._time_s, 0.0)
         estimate = float(self.state[SPEED]) * (1.0 + float(self.state[SCALE]))
-        pull = 0.0 if felt is None else felt[0]
+        pull = 0.0 if felt is None else felt[0] - self.inertial.bias[0]
         speed, wheel = readings.wheel_speed, None
         if not math.isnan(speed) and at_least - abs(speed) < BELIED:
             wheel = self.wheels.trusted(speed, estimate, pull, now_s)

@@ -145,13 +145,14 @@ def velocity_of(state: Floats, lever: float) -> Floats:
     return np.array([state[SPEED] * cos - left * sin, state[SPEED] * sin + left * cos])
 
 
-def acceleration_of(state: Floats, push: tuple[float, float]) -> Floats:
-    """Return how the velocity of the rear axle changes [m/s²], east and north, shape (2,).
+def acceleration_of(state: Floats, push: tuple[float, float], lever: float) -> Floats:
+    """Return how the velocity of the antenna changes [m/s²], east and north, shape (2,).
 
-    push: how its speeds ahead and to the left do [m/s²].
+    push: how the speeds of the rear axle ahead and to the left do [m/s²]; the kart is taken to turn
+    at one rate.
     """
     cos, sin, rate = math.cos(state[HEADING]), math.sin(state[HEADING]), state[YAW_RATE]
-    ahead, left = push[0] - state[SLIDE] * rate, push[1] + state[SPEED] * rate
+    ahead, left = push[0] - (state[SLIDE] + lever * rate) * rate, push[1] + state[SPEED] * rate
     return np.array([ahead * cos - left * sin, ahead * sin + left * cos])
 
 

@@ -87,7 +87,7 @@ class Objects:
         # Over ground, along the ray: what the kart itself adds to the closing speed is taken off.
         own = ego.speed * ray[0] + ego.aside * ray[1]
         doppler = own - float(echoes.closing.mean())
-        free = [track for track in self.tracks if track.missed > 0]
+        free = [track for track in self.tracks if track.missed > 0 and _may_be(track, kind)]
         best = min(free, key=lambda track: distance_to(track, x, y), default=None)
         if best is not None and distance_to(best, x, y) < GATE:
             before = float(best.state[2:] @ ray)
@@ -104,6 +104,14 @@ class Objects:
         # Along the ray the speed is known at once.
         spread[2:, 2:] -= (FIRST_SPEED**2 - DOPPLER**2) * np.outer(ray, ray)
         self.tracks.append(Track(state, spread, kind, half, number=self._born, began=far))
+
+
+def _may_be(track: Track, kind: int) -> bool:
+    """Return whether a track may be of what echoes of a kind are of.
+
+    Once it is known what it is, a child that comes from behind a kart is not the kart.
+    """
+    return track.scans < BORN or (track.kind == codes.KART_HIT) == (kind == codes.KART_HIT)
 
 
 def taken_for_karts(echoes: Echoes, ego: Ego) -> Echoes:

@@ -178,7 +178,7 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
-    echoes = _things_within(echoes, room + limits.nose)
+    echoes = _things_within(echoes, room, limits)
     if not len(echoes.x):
         return Verdict()
     along, aside = way_along(echoes.x, echoes.y, wanted)
@@ -187,8 +187,13 @@ def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -
     return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
 
 
-def _things_within(echoes: Echoes, far: float) -> Echoes:
-    """Return the echoes of no border that are nearer than this [m]: no arc leads there sooner."""
+def _things_within(echoes: Echoes, room: float, limits: Limits) -> Echoes:
+    """Return the echoes of no border that an arc of that much room [m] can lead to.
+
+    No way is shorter than the straight one, and no body reaches farther beside its arc than its
+    corner and the berth.
+    """
+    far = room + limits.nose + math.hypot(limits.half_width, limits.nose) + limits.berth
     near = echoes.x * echoes.x + echoes.y * echoes.y < far * far
     return echoes.kept(near & (echoes.kinds != codes.BORDER))
 
@@ -198,7 +203,7 @@ def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """
-    echoes = _things_within(echoes, limits.restart + limits.nose)
+    echoes = _things_within(echoes, limits.restart, limits)
     if not len(echoes.x):
         return Verdict()
     for curvature in ways_out(0.0, limits):

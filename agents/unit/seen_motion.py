@@ -73,6 +73,7 @@ class SeenMotion:
         """Return the speed [m/s] at which borders come nearer, None where few are seen."""
         ahead = echoes.x - self.nose
         used = (echoes.kinds == codes.BORDER) & (np.abs(echoes.y) < WIDENS * ahead)
+        used &= np.isfinite(echoes.closing)
         if np.count_nonzero(used) < BORDERS:
             return None
         far = np.hypot(ahead[used], echoes.y[used])

@@ -59,6 +59,13 @@ def test_a_track_finds_how_somebody_walks() -> None:
     assert track.state[:2] == pytest.approx((20.5, -0.575), abs=0.2)
 
 
+def test_a_child_that_comes_from_behind_a_parked_kart_is_not_the_kart() -> None:
+    # The kart is seen five times, and then not, while the child 0.7 m beside it is.
+    scans = [echo(8.0 - 0.5 * turn, -1.7, 9.8, codes.KART_HIT) for turn in range(5)]
+    scans += [echo(5.5 - 0.5 * turn, -1.0, 9.8) for turn in range(4)]
+    assert {track.kind for track in looked(scans).tracks} == {codes.KART_HIT, codes.PERSON}
+
+
 def test_a_track_is_gone_after_six_scans_without_it() -> None:
     seen = [echo(10.0 - 0.5 * turn, 0.0, 10.0) for turn in range(5)]
     assert len(looked(seen + [Echoes.nothing()] * 5).tracks) == 1

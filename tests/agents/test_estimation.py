@@ -160,6 +160,18 @@ def test_a_fix_of_a_kart_that_was_slower_then_tells_how_late_it_is_and_how_surel
     assert 0.5 * off < math.sqrt(filtered.covariance[DELAY, DELAY]) < 2.0 * off
 
 
+def test_a_fix_that_was_taken_for_newer_than_the_delay_says_by_now_tells_the_same() -> None:
+    # The delay is 0.2 s; the filter is where the kart was 0.3 s ago, at 4 m/s and 4 m/s² more.
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0, heading_deviation=0.01)
+    filtered.covariance = np.diag([1e-6] * motion.SIZE)
+    filtered.covariance[DELAY, DELAY] = 0.12**2
+    filtered.state[[SPEED, DELAY]] = 3.96, 0.1
+    filtered.predict(0.01, push=(4.0, 0.0))
+    on = 4.0 * 0.1 + 0.5 * 4.0 * 0.1**2
+    assert filtered.see_position(filtered.state[X] + on, 0.0, 0.001, lag=0.3)
+    assert filtered.state[DELAY] == pytest.approx(0.2, abs=0.005)
+
+
 def test_a_range_by_a_detour_weighs_little_and_one_that_is_absurd_nothing() -> None:
     moved = []
     for excess in (0.1, 0.4, 3.0):

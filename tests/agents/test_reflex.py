@@ -14,6 +14,7 @@ from race_agents.unit.safety import (
     Verdict,
     braking_time,
     combine,
+    is_on_way,
     watch_creeping,
     watch_driver,
     watch_fence,
@@ -68,6 +69,22 @@ def test_the_reflex_brakes_when_the_way_to_stop_is_all_that_is_left(
     # 12 m to stop from 10 m/s and half a metre to stand off.
     verdict = watch_obstacles(wall_ahead(gap, 10.0), 10.0, 0.0, 0.0, LIMITS)
     assert (verdict.brake == 1.0) is brakes
+
+
+def test_what_is_too_far_for_any_arc_is_left_out_and_nothing_else() -> None:
+    chance = np.random.default_rng(1)
+    held = 0
+    for _ in range(2000):
+        x, y, kind = chance.uniform(0.0, 6.0, 1), chance.uniform(-4.0, 4.0, 1), codes.PERSON
+        echoes = Echoes(x, y, np.zeros(1), np.array([kind], np.uint8))
+        curvature = float(chance.uniform(-LIMITS.sharpest, LIMITS.sharpest))
+        along, aside = way_along(x, y, curvature)
+        is_met = is_on_way(along, aside, np.full(1, LIMITS.berth), curvature, LIMITS)
+        is_held = bool((is_met & (along - LIMITS.nose < LIMITS.stand_off)).any())
+        verdict = watch_creeping(echoes, curvature, LIMITS.stand_off, LIMITS)
+        assert (verdict.brake > 0.0) is is_held
+        held += is_held
+    assert 200 < held < 1800
 
 
 def test_full_throttle_does_not_help_against_the_reflex() -> None:

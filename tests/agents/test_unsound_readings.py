@@ -15,6 +15,7 @@ from race_agents.unit.objects import Objects
 from race_agents.unit.orders import GivenOrders
 from race_agents.unit.readings import Fix, Range, Readings
 from race_agents.unit.safety import Command, Echoes
+from race_agents.unit.seen_motion import SeenMotion
 from race_server.core import codes
 from race_server.core.alert import Cause
 from race_server.core.messages import Control
@@ -253,3 +254,15 @@ def test_what_a_radar_calls_by_an_unknown_number_is_a_thing() -> None:
     drive.go(13.5)
     assert drive.speed == 0.0
     assert drive.x + drive.unit.limits.nose < 70.0
+
+
+def test_a_closing_speed_that_is_no_number_tells_nothing_of_the_karts() -> None:
+    x, y = np.full(5, 11.0), np.linspace(-0.5, 0.5, 5)
+    kinds = np.full(5, codes.BORDER, np.uint8)
+    for closing, speed in (
+        ([2.0, 2.0, 2.0, 2.0, math.nan], 2.0),
+        ([2.0] * 3 + [math.nan] * 2, 0.0),
+    ):
+        seen = SeenMotion(1.0)
+        seen.take(Readings(0.0, 0.0, 0.0, 0.0, echoes=Echoes(x, y, np.array(closing), kinds)))
+        assert seen.speed(0.0) == pytest.approx(speed, abs=0.01)

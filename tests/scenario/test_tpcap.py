@@ -143,10 +143,21 @@ DAMAGES: dict[str, tuple[list[float] | str, str]] = {
     "cut off": (numbers(LEFT)[:-1], r"7 numbers for 4 corners; give x and y of each, and nothing"),
     "too much": ([*numbers(LEFT), 1.0], r"9 numbers for 4 corners"),
     "too long": ("0," * (MOST_NUMBERS + 1), rf"more than {MOST_NUMBERS} numbers"),
-    "decimal commas": ("0,5\n2\n0\n10,5\n2\n1,57\n0\n", r"'0,5': write decimals with a point"),
-    "decimal commas in a line": ("0,5;2;0;10,5;2;1,57;0", r"'0,5': write decimals with a point"),
+    "decimal commas": ("0,5\n2\n0\n10,5\n2\n1,57\n0\n", r"; write decimals with a point"),
+    "decimal commas in a line": ("0,5;2;0;10,5;2;1,57;0", r"; write decimals with a point"),
     "too large": ("0" * 2_000_000, r"larger than \d+ bytes"),
 }
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1,2 0\n20,2 0\n2\n4 4\n5,5 6,5 6,6 5,6\n8,8 9,8 9,9 8,9\n",
+        "0,0;0;20,2;0;1;4;5;5;6;5;6;6;5;6",
+    ],
+)
+def test_commas_between_whole_numbers_are_read(text: str, tmp_path: Path) -> None:
+    assert read_case(write(tmp_path, text)).polygons[0].tolist() == [[5, 6], [6, 6], [6, 5], [5, 5]]
 
 
 @pytest.mark.parametrize("damage", DAMAGES)

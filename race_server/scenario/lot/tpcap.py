@@ -32,8 +32,8 @@ MOST_BYTES = 32 * MOST_NUMBERS
 TILE = 1000.0
 FARTHEST = 2.0 * TILE  # [m] of any place, counted so
 LARGEST = 1e11  # of any number
-# Among the six numbers before the number of obstacles: a comma that sets off decimals.
-DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+# A number whose comma may set off decimals.
+DECIMAL_COMMA = re.compile(r"[-+]?\d+(,\d+)?(e[-+]?\d+)?", re.IGNORECASE)
 # The area reaches this far beyond start and goal [m], as in the benchmark's own pictures.
 MARGIN = 8.0
 # Room around the vehicle in its slot [m], the most that obstacles leave.
@@ -98,7 +98,17 @@ def read_case(path: Path) -> Case:
     Raises:
         LotError: it cannot be read, is too long, or holds something else.
     """
-    numbers = _numbers_in(path, read_text(path, MOST_BYTES, LotError))
+    text = read_text(path, MOST_BYTES, LotError)
+    try:
+        return _case_of(path, _numbers_in(path, text))
+    except LotError as error:
+        words = text.replace(";", " ").split()
+        if all(DECIMAL_COMMA.fullmatch(word) for word in words) and any("," in w for w in words):
+            raise LotError(f"{error}; write decimals with a point") from error
+        raise
+
+
+def _case_of(path: Path, numbers: list[float]) -> Case:
     if len(numbers) < 7:
         raise LotError(
             f"{path}: {len(numbers)} numbers; a case begins with 7: start x, y, heading, goal x, "
@@ -132,10 +142,6 @@ def read_case(path: Path) -> Case:
 
 
 def _numbers_in(path: Path, text: str) -> list[float]:
-    words = text.replace(";", " ").split()
-    commas = [word for word in words[:6] if DECIMAL_COMMA.fullmatch(word)]
-    if commas and len(words) > 6 and words[6].isdigit():
-        raise LotError(f"{path}: {commas[0][:40]!r}: write decimals with a point")
     numbers: list[float] = []
     for line, row in enumerate(text.splitlines(), start=1):
         for word in row.replace(",", " ").replace(";", " ").split():
