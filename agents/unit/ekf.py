@@ -121,9 +121,8 @@ class KartFilter(Corrected):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Be again what the filter was."""
-        self.state, self.covariance, refused, self._calm_s, *seen = snapshot
-        self._seen, self._seen_s, self._push = seen
-        self._refused = refused.copy()
+        self.state, self.covariance, refused, self._calm_s, seen, seen_s, self._push = snapshot
+        self._seen, self._seen_s, self._refused = seen, seen_s, refused.copy()
 
     def predict(
         self, dt: float, *, push: tuple[float, float] | None = None, blow: float = 0.0
