@@ -194,6 +194,6 @@ def test_it_refuses_what_it_cannot_answer_with(tmp_path: Path) -> None:
 
 
 def test_it_refuses_a_lot_whose_obstacles_are_drawn() -> None:
-    settings = read_settings("park", ['parking.lots=["yard-70"]', "worlds=2"])
+    settings = read_settings("park", ['parking.lots=["yard-70"]', "vehicle=kart-13", "worlds=2"])
     with pytest.raises(ScenarioError, match=r"lot 'yard-70' has no slots: a teacher"):
         School(settings, lambda _: None)
