@@ -164,6 +164,7 @@ def test_what_is_commanded_lacks_no_more_room_than_what_was_wanted(x: float, y: 
 # In a policy file
 
 
+@pytest.mark.slow
 def test_a_bundled_policy_that_evades_hits_less_than_its_network_alone() -> None:
     """16 tasks of three karts each, of which none taught it anything."""
     hits = {}
