@@ -178,24 +178,7 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
     """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
-    echoes = _things_within(echoes, room, limits)
-    if not len(echoes.x):
-        return Verdict()
-    along, aside = way_along(echoes.x, echoes.y, wanted)
-    beside = np.where(echoes.may_be_people, limits.berth, 0.0)
-    close = is_on_way(along, aside, beside, wanted, limits) & (along - limits.nose < room)
-    return STOP_FOR_OBSTACLE if bool(close.any()) else Verdict()
-
-
-def _things_within(echoes: Echoes, room: float, limits: Limits) -> Echoes:
-    """Return the echoes of no border that an arc of that much room [m] can lead to.
-
-    No way is shorter than the straight one, and no body reaches farther beside its arc than its
-    corner and the berth.
-    """
-    far = room + limits.nose + math.hypot(limits.half_width, limits.nose) + limits.berth
-    near = echoes.x * echoes.x + echoes.y * echoes.y < far * far
-    return echoes.kept(near & (echoes.kinds != codes.BORDER))
+    return _watch_ways(echoes, (wanted,), room, limits)
 
 
 def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
@@ -203,13 +186,28 @@ def watch_restart(echoes: Echoes, limits: Limits) -> Verdict:
 
     Steering around what is that near takes it out of the radar's sight and under a front wheel.
     """
-    echoes = _things_within(echoes, limits.restart, limits)
+    return _watch_ways(echoes, ways_out(0.0, limits), limits.restart, limits)
+
+
+def _watch_ways(
+    echoes: Echoes, curvatures: Sequence[float], room: float, limits: Limits
+) -> Verdict:
+    """Hold a kart before which anything but a border stands on one of some arcs.
+
+    No way is shorter than the straight one, and no body reaches farther beside its arc than its
+    corner and the berth: what is farther than that is left out at once.
+    """
+    far = room + limits.nose + math.hypot(limits.half_width, limits.nose) + limits.berth
+    near = echoes.x * echoes.x + echoes.y * echoes.y < far * far
+    echoes = echoes.kept(near & (echoes.kinds != codes.BORDER))
     if not len(echoes.x):
         return Verdict()
-    for curvature in ways_out(0.0, limits):
-        held = watch_creeping(echoes, curvature, limits.restart, limits)
-        if held.brake > 0.0:
-            return held
+    beside = np.where(echoes.may_be_people, limits.berth, 0.0)
+    for curvature in curvatures:
+        along, aside = way_along(echoes.x, echoes.y, curvature)
+        met = is_on_way(along, aside, beside, curvature, limits) & (along - limits.nose < room)
+        if met.any():
+            return STOP_FOR_OBSTACLE
     return Verdict()
 
 

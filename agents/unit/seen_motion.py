@@ -77,6 +77,5 @@ class SeenMotion:
         if np.count_nonzero(used) < BORDERS:
             return None
         far = np.hypot(ahead[used], echoes.y[used])
-        speeds = np.sort(echoes.closing[used] * far / ahead[used])
-        speed = 0.5 * float(speeds[(len(speeds) - 1) // 2] + speeds[len(speeds) // 2])
+        speed = float(np.median(echoes.closing[used] * far / ahead[used]))
         return speed, speed
