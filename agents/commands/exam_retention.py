@@ -1,6 +1,6 @@
 """`race exam retention`: what is left of help when it is gone."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.table import Table
@@ -21,6 +21,10 @@ def retention(
     first_seed: Annotated[
         int, typer.Option(min=0, help="Seed of the first pupil; the next ones count up from it.")
     ] = HELD_OUT + 1,
+    by: Annotated[
+        Literal["words", "kart"],
+        typer.Option(help="What helps: words, or the kart, which brakes and accelerates itself."),
+    ] = "words",
     as_json: AsJson = False,
 ) -> None:
     """Coach simulated pupils for ten laps, and time three laps without help after them.
@@ -30,16 +34,23 @@ def retention(
     """
     from race_agents.pupils.retention import RetentionSpec, document_of, school_all
 
-    spec = RetentionSpec(track, vehicle, seeds_from(first_seed, pupils))
+    spec = RetentionSpec(track, vehicle, seeds_from(first_seed, pupils), by)
     examined(lambda watch: document_of(spec, list(school_all(spec, watch))), _show, as_json=as_json)
 
 
 def _show(document: dict[str, Any]) -> None:
     table = Table(
-        title=f"{document['track']}, {document['vehicle']}, {document['pupils']} simulated pupils"
+        title=f"{document['track']}, {document['vehicle']}, {document['pupils']} simulated pupils, "
+        f"helped by {'words' if document['by'] == 'words' else 'the kart'}"
     )
     table.add_column("help", no_wrap=True)
-    for head in ("alone [s]", "gained, median", "95 % of the mean", "corners helped"):
+    for head in (
+        "alone [s]",
+        "gained, median",
+        "95 % of the mean",
+        "in the first",
+        "corners helped",
+    ):
         table.add_column(head, justify="right", no_wrap=True)
     for row in document["ways"]:
         low, high = (100.0 * bound for bound in row["gain_interval"])
@@ -48,6 +59,7 @@ def _show(document: dict[str, Any]) -> None:
             f"{row['alone_s']:.3f}",
             f"{100.0 * row['gain']:.0f} %",
             f"{low:.0f} to {high:.0f} %",
+            f"{100.0 * row['gain_at_once']:.0f} %",
             f"{row['corners_helped']:.2f}",
         )
     console = Console()

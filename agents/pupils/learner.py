@@ -1,15 +1,15 @@
 """A pupil that learns, forgets and leans on help: a model, to compare ways of helping.
 
 A habit is kept as an error that the pupil makes when left alone. In a lap with help it does what
-it is told and makes a small part of it; left alone it makes all of it. Learning follows the error
-that is felt, if the pupil knows what is right: what is told is remembered for some laps. A part
-of the old habit comes back each lap. The first is the state space of motor adaptation
-(Thoroughman and Shadmehr, Learning of action through adaptive combination of motor primitives,
-2000), the rest is the guidance hypothesis in its simplest form (Salmoni, Schmidt and Walter,
-Knowledge of results and motor learning, 1984). It is no finding about people.
+it is told and makes a small part of it, or none where the kart does it; left alone it makes all of
+it. Learning follows the error that is felt, if the pupil knows what is right: what is told is
+remembered for some laps. A part of the old habit comes back each lap. The first is the state space
+of motor adaptation (Thoroughman and Shadmehr, Learning of action through adaptive combination of
+motor primitives, 2000), the rest is the guidance hypothesis in its simplest form (Salmoni, Schmidt
+and Walter, Knowledge of results and motor learning, 1984). It is no finding about people.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,12 +30,16 @@ class Nature:
     relapses: float
 
 
-def nature_of(seed: int) -> Nature:
-    """Return the nature of the pupil of a seed."""
+def nature_of(seed: int, *, is_driven: bool = False) -> Nature:
+    """Return the nature of the pupil of a seed.
+
+    is_driven: help is given by the kart itself, which brakes and accelerates: no error is left.
+    """
     chance = np.random.default_rng([seed, 43])
-    return Nature(
+    nature = Nature(
         *(float(chance.uniform(*bounds)) for bounds in (OBEYS, LEARNS, REMEMBERS, RELAPSES))
     )
+    return replace(nature, obeys=1.0) if is_driven else nature
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,20 @@ from race_agents.pupils.habit import Habit, Road, line_with
 from race_agents.pupils.laps import drive_lap
 from race_agents.pupils.learner import Nature, Skill, after, made, nature_of
 from race_server.coaching.corners import Corner
-from race_server.coaching.fading import Attention, Help, after_lap
+from race_server.coaching.fading import (
+    DRIVEN_AFTER,
+    WITHDRAWN_AFTER,
+    Attention,
+    Help,
+    after_lap,
+)
 from race_server.coaching.faults import FaultKind
 from race_server.core.clock import MICROSECONDS
 
 NEVER, ALWAYS, FADING = "never", "always", "fading"
 WAYS = (NEVER, ALWAYS, FADING)
+# What helps: words, or the kart, which brakes and accelerates by itself.
+WORDS, KART = "words", "kart"
 # Laps with the coach, and laps without any help after them.
 COACHED, ALONE = 10, 3
 # Habits of a pupil, each in a corner of the course.
@@ -33,6 +41,7 @@ class RetentionSpec:
     track: str
     vehicle: str
     seeds: range
+    by: str = WORDS
 
 
 @dataclass(frozen=True)
@@ -48,9 +57,18 @@ class Schooling:
     @property
     def gain(self) -> float:
         """Share of the time that can be removed which is gone when the pupil is alone."""
-        first = self.laps_s[0] - self.flawless_s[0]
-        alone = float(np.mean(self.laps_s[-ALONE:]) - np.mean(self.flawless_s[-ALONE:]))
-        return 1.0 - alone / first
+        return float(np.mean(self._gains))
+
+    @property
+    def gain_at_once(self) -> float:
+        """The same share in the first lap alone: in the next two the pupil goes on learning."""
+        return self._gains[0]
+
+    @property
+    def _gains(self) -> list[float]:
+        lost = self.laps_s[0] - self.flawless_s[0]
+        alone = zip(self.laps_s[-ALONE:], self.flawless_s[-ALONE:], strict=True)
+        return [1.0 - (driven - flawless) / lost for driven, flawless in alone]
 
 
 @dataclass(frozen=True)
@@ -69,15 +87,15 @@ def school_all(
     """Yield every pupil under each way of helping."""
     school = School(spec.track, spec.vehicle)
     for seed in spec.seeds:
-        pupil, alone = _pupil(school, seed), range(1 + COACHED, 1 + COACHED + ALONE)
+        pupil, alone = _pupil(school, seed, spec.by), range(1 + COACHED, 1 + COACHED + ALONE)
         flawless = tuple(_time(school, _road(school, seed, lap), seed) for lap in (0, *alone))
         for way in WAYS:
             watch(f"pupil {seed}, help {way}")
-            laps_s, helped = _taught(school, pupil, seed, way)
+            laps_s, helped = _taught(school, pupil, seed, way, spec.by)
             yield Schooling(seed, way, laps_s, helped, flawless)
 
 
-def _pupil(school: School, seed: int) -> _Fixed:
+def _pupil(school: School, seed: int, by: str) -> _Fixed:
     chance = np.random.default_rng([seed, 44])
     corners = chance.choice(len(school.corners), HABITS, replace=False)
     kinds = tuple(KINDS[index] for index in chance.integers(len(KINDS), size=HABITS))
@@ -86,12 +104,12 @@ def _pupil(school: School, seed: int) -> _Fixed:
         kinds,
         tuple(school.corners[index] for index in corners),
         tuple(Skill(size, size) for size in sizes),
-        nature_of(seed),
+        nature_of(seed, is_driven=by == KART),
     )
 
 
 def _taught(
-    school: School, pupil: _Fixed, seed: int, way: str
+    school: School, pupil: _Fixed, seed: int, way: str, by: str
 ) -> tuple[tuple[float, ...], tuple[int, ...]]:
     """Return the times [s] of a pupil's laps, and in how many corners it was helped in each."""
     skills, times, counts = list(pupil.skills), [], []
@@ -102,7 +120,7 @@ def _taught(
         helped = [
             is_coached
             and attention[corner.name].help is Help.GIVEN
-            and told.get(corner.name) is kind
+            and (by == KART or told.get(corner.name) is kind)  # a kart's help is for all of them
             for corner, kind in zip(pupil.corners, pupil.kinds, strict=True)
         ]
         road = _road(school, seed, lap)
@@ -119,7 +137,7 @@ def _taught(
         counts.append(sum(helped))
         faults = school.judge(driven)
         for name, now in attention.items():
-            attention[name] = _next(way, now, is_inside=name not in faults)
+            attention[name] = _next(way, by, now, is_inside=name not in faults)
         told |= {name: fault.kind for name, fault in faults.items()}
         skills = [
             after(skill, pupil.nature, is_helped=given)
@@ -139,9 +157,10 @@ def _time(school: School, road: Road, seed: int) -> float:
     return driven.time_us / MICROSECONDS
 
 
-def _next(way: str, now: Attention, *, is_inside: bool) -> Attention:
+def _next(way: str, by: str, now: Attention, *, is_inside: bool) -> Attention:
     if way == FADING:
-        return after_lap(now, is_inside=is_inside)
+        laps = DRIVEN_AFTER if by == KART else WITHDRAWN_AFTER
+        return after_lap(now, is_inside=is_inside, withdrawn_after=laps)
     if way == ALWAYS and (now.help is Help.GIVEN or not is_inside):
         return Attention(Help.GIVEN)
     return Attention()
@@ -165,6 +184,7 @@ def summary_of(schooled: Sequence[Schooling]) -> dict[str, Any]:
                 "alone_s": round(float(alone[way].mean()), 4),
                 "gain": round(float(np.median([one.gain for one in group])), 4),
                 "gain_interval": interval_of(np.array([one.gain for one in group])),
+                "gain_at_once": round(float(np.median([one.gain_at_once for one in group])), 4),
                 "corners_helped": round(
                     float(np.mean([sum(one.helped) / COACHED for one in group])), 3
                 ),
@@ -187,6 +207,6 @@ def interval_of(values: "np.ndarray[Any, Any]") -> tuple[float, float]:
 
 def document_of(spec: RetentionSpec, schooled: Sequence[Schooling]) -> dict[str, Any]:
     """Return all pupils as a document."""
-    place = {"track": spec.track, "vehicle": spec.vehicle}
+    place = {"track": spec.track, "vehicle": spec.vehicle, "by": spec.by}
     laps = [asdict(one) | {"gain": round(one.gain, 4)} for one in schooled]
     return place | summary_of(schooled) | {"pupils_laps": laps}

@@ -48,6 +48,9 @@ STEP_S, FORESEEN_S = 0.1, 5.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
+# A person that walks towards the way may be faster or slower than it seems: its driver is warned
+# where they could meet, this far [m] from where they would, and no more is done.
+MOST_WALKED = 2.0
 # A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 # Closing more slowly than this [m/s] is no danger.
@@ -160,7 +163,11 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     """
     if speed < CREEP:
         return NO_DANGER
-    straight = _meeting(track, _straight_on(track, curvature), speed, limits)
+    foreseen = _straight_on(track, curvature)
+    straight = _meeting(track, foreseen, speed, limits)
+    if straight is NO_DANGER and track.kind != codes.KART_HIT and foreseen.comes_nearer:
+        possible = _meeting(track, foreseen, speed, limits, most_unsure=MOST_WALKED)
+        return replace(possible, stage=min(possible.stage, DangerStage.WARN))
     if straight is NO_DANGER or not _drives(track) or abs(curvature) < STRAIGHT:
         return straight
     turning = _meeting(track, _along_with(track, curvature), speed, limits)
@@ -177,6 +184,12 @@ class Foreseen(NamedTuple):
     along: Floats  # (T,) [m]
     aside: Floats  # (T,) [m] to the left
     pace: float  # [m/s] now
+
+    @property
+    def comes_nearer(self) -> bool:
+        """Whether it comes nearer to the arc, and not just so."""
+        now, soon = abs(float(self.aside[0])), abs(float(self.aside[1]))
+        return now - soon > CREEP * STEP_S
 
 
 def _straight_on(track: Track, curvature: float) -> Foreseen:
@@ -211,11 +224,18 @@ def _seconds_of_way(track: Track) -> Floats:
     return np.asarray(brakes - 0.5 * rate * brakes**2)
 
 
-def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> Danger:
-    """Return how dangerous an object is that moves as foreseen."""
+def _meeting(
+    track: Track,
+    foreseen: Foreseen,
+    speed: float,
+    limits: Limits,
+    *,
+    most_unsure: float = MOST_UNSURE,
+) -> Danger:
+    """Return how dangerous an object is that moves as foreseen, or this far [m] beside that."""
     x, y = float(track.state[0]), float(track.state[1])
     along, aside, _ = foreseen
-    near = np.abs(aside) < limits.half_width + _margin(track, limits)
+    near = np.abs(aside) < limits.half_width + _margin(track, limits, most_unsure)
     gap = along - limits.nose - speed * TIMES  # from the bumper, if the kart drives on
     length = limits.nose + 0.5  # behind the bumper until nothing can be touched
     meets = near & (gap <= 0.0) & (gap > -length)
@@ -246,7 +266,7 @@ def _meeting(track: Track, foreseen: Foreseen, speed: float, limits: Limits) -> 
     )
 
 
-def _margin(track: Track, limits: Limits) -> Floats | float:
+def _margin(track: Track, limits: Limits, most_unsure: float) -> Floats | float:
     """Return how far beside the way an object still counts, at each of `TIMES` [m].
 
     People get a berth. A person that has just come into view nearby may walk towards the way for
@@ -254,7 +274,7 @@ def _margin(track: Track, limits: Limits) -> Floats | float:
     """
     if _drives(track):
         return -limits.spare
-    unsure = np.minimum(track.unsure * TIMES, MOST_UNSURE)
+    unsure = np.minimum(track.unsure * TIMES, most_unsure)
     if track.kind == codes.KART_HIT:
         return unsure
     if track.scans < KNOWN and track.began < limits.near:

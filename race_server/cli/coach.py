@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import MOST_LAPS, drivers_for
 from race_server.core.clock import MICROSECONDS, lap_text
@@ -23,8 +24,11 @@ WIDTH = 120
 
 def coach(
     source: Annotated[
-        str, typer.Argument(help="Recording (.mcap file), or an installed driver to drive here.")
-    ],
+        str,
+        typer.Argument(
+            help="Recording (.mcap file), or an installed driver to drive here; none with --live."
+        ),
+    ] = "",
     track: Annotated[
         str, typer.Option(help="Of a driver: course, a name from `race track list`.")
     ] = "hangar-400",
@@ -36,8 +40,18 @@ def coach(
         int, typer.Option(min=0, max=MOST_SEED, help="Of a driver: seed of the run.")
     ] = 1,
     only: Annotated[
-        str, typer.Option("--driver", help="Of a recording: only this driver. Default: all.")
+        str,
+        typer.Option("--driver", help="Of a recording or a race: only this driver. Default: all."),
     ] = "",
+    live: Annotated[
+        bool, typer.Option("--live", help="Coach the race that is on, lap by lap, until it ends.")
+    ] = False,
+    cues: Annotated[
+        bool, typer.Option("--cues", help="With --live: also say what to do before each place.")
+    ] = False,
+    connect: Connect = "",
+    session: SessionName = "",
+    keys: KeysFolder = None,
     picture: Annotated[
         Path | None,
         typer.Option(
@@ -49,13 +63,26 @@ def coach(
 ) -> None:
     """Tell what each corner costs, name the fault, and give at most three tips.
 
-    Laps are compared with the limit of the course and with the driver's best lap. Laps from the
-    start, in traffic, under a flag or with a contact are listed, and not compared.
+    Of a race that is on each lap is told as it ends. Laps are compared with the limit of the course
+    and with the driver's best lap. Laps from the start, in traffic, under a flag or with a contact
+    are listed, and not compared.
     """
     if picture is not None:
         check_picture(picture)
     console = Console(stderr=True)
-    lessons = _lessons(source, track, vehicle, laps, seed, only, console)
+    if live is bool(source):
+        raise ScenarioError(
+            f"--live coaches the race that is on, not {source}: leave one of them out"
+            if live
+            else "name a recording or a driver, or coach the race that is on with --live"
+        )
+    if live:
+        from race_server.cli.coach_live import coach_race
+
+        given = access(keys, connect, session)
+        lessons = coach_race(given, only, with_cues=cues, console=console if as_json else Console())
+    else:
+        lessons = _lessons(source, track, vehicle, laps, seed, only, console)
     if as_json:
         print_document({"lessons": [lesson.as_json() for lesson in lessons.values()]})
     else:

@@ -11,6 +11,8 @@ from enum import Enum
 # After this number of laps inside the band in a row help for a corner is withdrawn, after this
 # number outside it returns.
 WITHDRAWN_AFTER, RETURNS_AFTER = 3, 2
+# What the kart drives by itself says nothing of its driver: such help is withdrawn after this many.
+DRIVEN_AFTER = 1
 
 
 class Help(Enum):
@@ -29,10 +31,13 @@ class Attention:
     laps: int = 0  # inside the band while help is given, outside it while it is withdrawn
 
 
-def after_lap(now: Attention, *, is_inside: bool) -> Attention:
+def after_lap(
+    now: Attention, *, is_inside: bool, withdrawn_after: int = WITHDRAWN_AFTER
+) -> Attention:
     """Return the help for a corner in the next lap. Within a lap it never changes.
 
-    is_inside: the corner was driven without a fault.
+    is_inside: the corner was driven without a fault; withdrawn_after: laps of that in a row with
+    help, see `DRIVEN_AFTER`.
     """
     if now.help is Help.NONE:
         return now if is_inside else Attention(Help.GIVEN)
@@ -40,5 +45,5 @@ def after_lap(now: Attention, *, is_inside: bool) -> Attention:
         return Attention(now.help)
     laps = now.laps + 1
     if now.help is Help.GIVEN:
-        return Attention(Help.WITHDRAWN) if laps >= WITHDRAWN_AFTER else Attention(now.help, laps)
+        return Attention(Help.WITHDRAWN) if laps >= withdrawn_after else Attention(now.help, laps)
     return Attention(Help.GIVEN) if laps >= RETURNS_AFTER else Attention(now.help, laps)

@@ -1,7 +1,7 @@
 """One lap over the progress along the course: place, speed and controls at equal steps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ MOST_STEPS = 1500
 CALM_STEPS = 5
 # A reference at more than this share of its vehicle's top speed drives with full throttle.
 FLAT_OUT = 0.995
+# Slower than this [m/s] a motor pulls no harder.
+LEAST_SPEED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,14 @@ class Lap:
     def at(self, column: Floats, progress: float) -> float:
         """Return a column's value at a progress [m], which may be a lap too far."""
         return float(np.interp(progress % float(self.progress[-1]), self.progress, column))
+
+
+def with_pedals_felt(lap: Lap, bounds: Bounds) -> Lap:
+    """Return a lap with the pedals that its speeds take: of one that was only looked at."""
+    pull = np.diff(lap.speed**2) / (2.0 * np.maximum(lap.ways, 1e-6))
+    throttle, brake = _pedals(lap.speed[:-1], lap.curvature[:-1], pull, bounds)
+    last = throttle[-1:], brake[-1:]
+    return replace(lap, throttle=np.append(throttle, last[0]), brake=np.append(brake, last[1]))
 
 
 def places_on(course: Course) -> Floats:
@@ -168,7 +178,7 @@ def _pedals(
         for v, k, a in zip(speed.tolist(), curvature.tolist(), pull.tolist(), strict=True)
     ]
     force = pull + np.array(drags) + bounds.rolling + bounds.drag * speed**2
-    most = np.minimum(bounds.drive, bounds.power / speed)
+    most = np.minimum(bounds.drive, bounds.power / np.maximum(speed, LEAST_SPEED))
     throttle = np.clip(force / most, 0.0, 1.0)
     throttle[speed > FLAT_OUT * bounds.top_speed] = 1.0
     return throttle, np.clip(-force / bounds.brake, 0.0, 1.0)

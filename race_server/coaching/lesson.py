@@ -115,39 +115,44 @@ def _seconds(time_us: int) -> float:
     return round(time_us / MICROSECONDS, 6)
 
 
-def lesson_of(
-    driver: str,
-    course: Course,
-    vehicle: Vehicle,
-    laps: Sequence[tuple[int, Lap, str]],
-    *,
-    solve: bool = False,
-) -> Lesson:
-    """Return what a driver's laps teach.
+class Coach:
+    """A course and a vehicle with their corners, and what laps there are compared with."""
 
-    laps: number, lap, and why it is not compared, empty where it is; solve: compute the limit if it
-    is not known, see `reference_line`.
+    def __init__(self, course: Course, vehicle: Vehicle, *, solve: bool = False) -> None:
+        """Find the corners. solve: compute the limit if it is not known, see `reference_line`.
 
-    Raises:
-        ScenarioError: no lap of the course slows down for a corner.
-    """
-    line, bounds = reference_line(course, vehicle, solve=solve), bounds_of(vehicle)
-    limit = reference_lap(course, line, bounds)
-    corners = corners_of(limit)
-    if not corners:
-        raise ScenarioError(
-            f"{course.name} has no corner for {vehicle.name}, which drives all of it at its top "
-            "speed; choose a faster vehicle or another course"
+        Raises:
+            ScenarioError: no lap of the course slows down for a corner.
+        """
+        line, self.bounds = reference_line(course, vehicle, solve=solve), bounds_of(vehicle)
+        self.course, self.vehicle, self.note = course, vehicle, line.note
+        self.limit = reference_lap(course, line, self.bounds)
+        self.corners = corners_of(self.limit)
+        if not self.corners:
+            raise ScenarioError(
+                f"{course.name} has no corner for {vehicle.name}, which drives all of it at its "
+                "top speed; choose a faster vehicle or another course"
+            )
+
+    def study(self, number: int, lap: Lap, best: Lap) -> Studied:
+        """Return what a lap lost against the limit and against the driver's best one."""
+        loss = lap_loss(lap, self.limit, self.corners, self.bounds)
+        own = lap_loss(lap, best, self.corners, self.bounds)
+        return Studied(number, lap, "", loss, own, tuple(faults_of(lap, self.limit, loss)))
+
+    def lesson(self, driver: str, laps: Sequence[tuple[int, Lap, str]]) -> Lesson:
+        """Return what a driver's laps teach.
+
+        laps: number, lap, and why it is not compared, empty where it is.
+        """
+        counted = [lap for _, lap, reason in laps if not reason]
+        best = min(counted, key=lambda lap: lap.time_us, default=None)
+        studied = tuple(
+            Studied(number, lap, reason)
+            if reason or best is None
+            else self.study(number, lap, best)
+            for number, lap, reason in laps
         )
-    counted = [lap for _, lap, reason in laps if not reason]
-    best = min(counted, key=lambda lap: lap.time_us, default=None)
-    studied = []
-    for number, lap, reason in laps:
-        if reason or best is None:
-            studied.append(Studied(number, lap, reason))
-            continue
-        loss = lap_loss(lap, limit, corners, bounds)
-        own = lap_loss(lap, best, corners, bounds)
-        studied.append(Studied(number, lap, "", loss, own, tuple(faults_of(lap, limit, loss))))
-    tips = tips_for([one.faults for one in studied if not one.reason])
-    return Lesson(driver, course, vehicle, line.note, limit, corners, tuple(studied), tips)
+        tips = tips_for([one.faults for one in studied if not one.reason])
+        given = self.course, self.vehicle, self.note, self.limit, self.corners
+        return Lesson(driver, *given, studied, tips)

@@ -5,12 +5,13 @@ from pathlib import Path
 
 from race_server.coaching.circumstances import Circumstances
 from race_server.coaching.lap import Lap, lap_on
-from race_server.coaching.lesson import Lesson, lesson_of
+from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition.recorded_laps import recorded_laps
 from race_server.competition.time_trial.lap import COLUMNS, TrialLap
 from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.errors import RecordingError, ScenarioError
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course
@@ -31,7 +32,7 @@ def lesson_of_driver(spec: RunSpec) -> Lesson:
             f"{spec.driver} completed no lap of {spec.track}: {run.remark or 'it was stopped'}"
         )
     laps = [_studied(course, lap, Circumstances(lap.is_flying, lap.is_clean)) for lap in run.laps]
-    return lesson_of(spec.driver, course, vehicle_named(spec.vehicle), laps, solve=True)
+    return Coach(course, vehicle_named(spec.vehicle), solve=True).lesson(spec.driver, laps)
 
 
 def lessons_of_recording(
@@ -47,13 +48,16 @@ def lessons_of_recording(
     found = recorded_laps(read_recording(path))
     if found.remark:
         warn(found.remark)
-    course, lessons = found.scenario.course, {}
+    course, lessons, coaches = found.scenario.course, {}, dict[Vehicle, Coach]()
     for seat in sorted({one.seat for one in found.laps}):
         own = [one for one in found.laps if one.seat == seat]
         if only and own[0].driver != only:
             continue
         laps = [_studied(course, one.lap, one.circumstances) for one in own]
-        lessons[seat] = lesson_of(own[0].driver, course, found.scenario.vehicle_of(seat), laps)
+        vehicle = found.scenario.vehicle_of(seat)
+        if vehicle not in coaches:
+            coaches[vehicle] = Coach(course, vehicle)
+        lessons[seat] = coaches[vehicle].lesson(own[0].driver, laps)
     if not lessons:
         names = ", ".join(dict.fromkeys(one.driver for one in found.laps)) or "none"
         raise RecordingError(

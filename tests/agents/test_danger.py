@@ -139,6 +139,20 @@ def test_who_will_have_left_the_way_is_no_danger_and_who_walks_into_it_is_one() 
     assert enters.stage >= DangerStage.WARN
 
 
+@pytest.mark.parametrize(
+    ("vy", "unsure", "stage"),
+    [(-1.5, 0.5, DangerStage.WARN), (-1.5, 0.1, DangerStage.NONE), (1.5, 0.5, DangerStage.NONE)],
+)
+def test_who_may_walk_faster_than_it_seems_is_warned_of_but_not_braked_for(
+    vy: float, unsure: float, stage: DangerStage
+) -> None:
+    # The kart passes within 1.2 s, when who seems to walk 1.5 m/s is 0.9 m beside its corridor. A
+    # berth of 0.45 m and 0.6 m that it may have walked more reach that; 0.1 m more do not.
+    track = track_at(10.0, 2.7 + LIMITS.half_width, vy=vy)
+    track.covariance = np.diag([0.0, 0.0, 0.5 * unsure**2, 0.5 * unsure**2])
+    assert danger_of(track, 10.0, 0.0, LIMITS).stage is stage
+
+
 def test_a_kart_ahead_that_brakes_hard_is_braked_for_before_it_is_close() -> None:
     ahead = track_at(3.0, 0.0, vx=10.0, kind=codes.KART_HIT)
     assert danger_of(ahead, 10.0, 0.0, LIMITS).stage is DangerStage.NONE

@@ -1,5 +1,7 @@
 """Pupils that learn and forget, and what is counted of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,21 @@ def test_a_gain_is_the_share_of_the_time_to_be_gained_that_stays() -> None:
     laps = (34.0, *[33.0] * 10, 32.7, 32.7, 32.7)
     flawless = (32.0, 32.2, 32.2, 32.2)
     assert Schooling(1, FADING, laps, (0,) * 14, flawless).gain == pytest.approx(0.75)
+
+
+def test_the_first_lap_alone_shows_what_is_kept_before_a_pupil_learns_alone() -> None:
+    # 2 s too slow at first; alone 1 s, then half a second, then no longer.
+    laps = (34.0, *[33.0] * 10, 33.0, 32.5, 32.0)
+    pupil = Schooling(1, ALWAYS, laps, (0,) * 14, (32.0,) * 4)
+    assert pupil.gain_at_once == pytest.approx(0.5)
+    assert pupil.gain == pytest.approx(0.75)
+
+
+def test_a_pupil_whose_kart_does_it_feels_no_error_and_learns_nothing() -> None:
+    nature = nature_of(1, is_driven=True)
+    assert replace(nature, obeys=0.0) == replace(nature_of(1), obeys=0.0)
+    assert made(Skill(10.0, 10.0), nature, is_helped=True) == 0.0
+    assert after(Skill(10.0, 10.0), nature, is_helped=True).error == 10.0
 
 
 def test_pupils_are_compared_with_themselves() -> None:

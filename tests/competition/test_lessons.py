@@ -12,7 +12,7 @@ from race_server.cli.main import app
 from race_server.coaching.advice import tips_for
 from race_server.coaching.corners import Corner
 from race_server.coaching.faults import Fault, FaultKind
-from race_server.coaching.lesson import Lesson, lesson_of
+from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition import lesson_picture, lessons
 from race_server.competition.lesson_picture import draw_lesson
 from race_server.competition.lessons import lesson_of_driver
@@ -81,7 +81,7 @@ def test_the_best_lap_costs_nothing_against_itself(lesson: Lesson) -> None:
 
 def test_a_lap_that_is_not_compared_is_listed_with_its_reason(lesson: Lesson) -> None:
     laps = [(one.number, one.lap, "not clean" * (one.number == 1)) for one in lesson.laps]
-    other = lesson_of("raceline", lesson.course, lesson.vehicle, laps)
+    other = Coach(lesson.course, lesson.vehicle).lesson("raceline", laps)
     assert [one.number for one in other.compared] == [2]
     assert other.as_json()["laps"][0]["not_compared"] == "not clean"
     assert other.laps[0].against_limit is None
@@ -91,7 +91,7 @@ def test_a_report_is_drawn_but_not_without_a_lap(lesson: Lesson, tmp_path: Path)
     draw_lesson(lesson, tmp_path / "report.svg")
     assert "what to try" in (tmp_path / "report.svg").read_text()
     laps = [(one.number, one.lap, "in traffic") for one in lesson.laps]
-    none = lesson_of("raceline", lesson.course, lesson.vehicle, laps)
+    none = Coach(lesson.course, lesson.vehicle).lesson("raceline", laps)
     with pytest.raises(ScenarioError, match=r"no lap of raceline .*lap 1: in traffic"):
         draw_lesson(none, tmp_path / "none.png")
     with pytest.raises(ScenarioError, match=r"report.pdf: write the picture as"):
@@ -117,7 +117,7 @@ def test_pictures_of_several_drivers_are_named_by_their_seats(
 
 def test_a_circle_has_no_corner_to_teach() -> None:
     with pytest.raises(ScenarioError, match="has no corner for tt02"):
-        lesson_of("x", SMALL_RING, vehicle_named("tt02"), [])
+        Coach(SMALL_RING, vehicle_named("tt02"))
 
 
 def test_the_command_prints_a_document_with_at_most_three_tips() -> None:

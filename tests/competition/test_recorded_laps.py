@@ -9,7 +9,8 @@ import pytest
 from race_server.coaching.circumstances import Circumstances
 from race_server.competition import recorded_laps as laps_of_recordings
 from race_server.competition.launch import free_address
-from race_server.competition.recorded_laps import gaps_ahead, recorded_laps
+from race_server.competition.lap_witness import gaps_ahead, gaps_behind
+from race_server.competition.recorded_laps import recorded_laps
 from race_server.competition.time_trial.lap import BRAKE, PROGRESS, SPEED, THROTTLE, TIME
 from race_server.core.messages import Event, EventKind
 from race_server.live.server import LOCKSTEP, RaceServer

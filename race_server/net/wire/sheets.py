@@ -52,8 +52,9 @@ def _grid_of(scenario: "Scenario") -> Floats:
 
 # Of a vehicle's numbers those that decide on which arc it drives.
 STEERED = ("front_axle", "rear_axle", "steering_limit")
-# Among the rules that a server sends: whether the world waits for its drivers.
-LOCKSTEP = "lockstep"
+# Among the rules that a server sends: whether the world waits for its drivers, and the vehicles'
+# names, one for all or one for each seat, with commas between them.
+LOCKSTEP, VEHICLES = "lockstep", "vehicles"
 
 
 def rules_sheet(scenario: "Scenario") -> dict[str, str]:
@@ -69,7 +70,8 @@ def rules_sheet(scenario: "Scenario") -> dict[str, str]:
             for name, value in numbers_of(vehicle).items()
             if name in STEERED or name.startswith("trailers.")
         }
-    return {name: str(value) for name, value in (rules | size).items()}
+    names = ",".join(vehicle.name for vehicle in scenario.vehicles)
+    return {name: str(value) for name, value in (rules | size | {VEHICLES: names}).items()}
 
 
 def line_sheet(scenario: "Scenario") -> LineSheet:
