@@ -12,6 +12,8 @@ from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
 
+SEEN = ", as spectators see them"
+
 
 def coaching(
     tracks: Annotated[
@@ -23,6 +25,12 @@ def coaching(
     first_seed: Annotated[
         int, typer.Option(min=0, help="Seed of the first pupil; the next ones count up from it.")
     ] = HELD_OUT + 1,
+    seen: Annotated[
+        bool,
+        typer.Option(
+            "--seen", help="Look at laps as spectators of a live race do: by snapshots, no pedals."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Let simulated pupils drive with one known fault each, and count how many are named.
@@ -36,7 +44,7 @@ def coaching(
     if not names:
         raise ScenarioError("--tracks is empty; name one or more, separated by commas")
     chosen = seeds_from(first_seed, seeds)
-    specs = [CoachingExamSpec(name, vehicle, chosen) for name in names]
+    specs = [CoachingExamSpec(name, vehicle, chosen, seen) for name in names]
     examined(
         lambda watch: {"rows": [document_of(spec, list(examine(spec, watch))) for spec in specs]},
         _show_all,
@@ -50,7 +58,9 @@ def _show_all(document: dict[str, Any]) -> None:
 
 
 def _show(row: dict[str, Any]) -> None:
-    table = Table(title=f"{row['track']}, {row['vehicle']}, {row['seeds']} pupils")
+    table = Table(
+        title=f"{row['track']}, {row['vehicle']}, {row['seeds']} pupils{SEEN * row['seen']}"
+    )
     table.add_column("fault", no_wrap=True)
     for head in ("laps", "named", "named otherwise"):
         table.add_column(head, justify="right")

@@ -3,7 +3,7 @@
 import math
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -90,6 +90,12 @@ def plant(
         list[str] | None,
         typer.Option(help="Address of another real kart's --peers-at. Once for each of them."),
     ] = None,
+    assistance: Annotated[
+        Literal["none", "brakes", "pedals"],
+        typer.Option(
+            help="Help for a racing driver: none, the kart brakes for bends, or it accelerates too."
+        ),
+    ] = "none",
     report: Annotated[
         Path | None, typer.Option(help="Write a report on the kart to this JSON file.")
     ] = None,
@@ -114,6 +120,7 @@ def plant(
     from race_agents.plant.radar import ERRS, PERFECT
     from race_agents.plant.run import PlantSetting, run_plant
     from race_agents.plant.sensors import Sensors
+    from race_server.coaching.assistance import Level
 
     if peer and not peers_at:
         raise typer.BadParameter("--peer needs --peers-at, where this kart listens")
@@ -141,6 +148,7 @@ def plant(
         kill_at=None if kill_game is None else kill_game / 3.6,
         beside=beside,
         peers=(peers_at, *(peer or ())) if peers_at else (),
+        level=Level[assistance.upper()],
         report=report,
         black_box=black_box,
         only_incidents=only_incidents,

@@ -12,11 +12,13 @@ from functools import partial
 
 from race_agents.onboard.beside import Beside
 from race_agents.onboard.crew import Crew
+from race_agents.onboard.helped import HelpedDriver
 from race_agents.onboard.kart import Kart
 from race_agents.onboard.parker import PRESET, Parker
 from race_agents.onboard.peers import Peers
 from race_agents.onboard.program import PERIOD_S, RETRY_S, Clock, KartProgram, KnownKart
 from race_agents.unit.records import Word
+from race_server.coaching.assistance import Guide, Level
 from race_server.core.clock import Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
 from race_server.live.client.seat import ClientSeat, insist, take_seat
@@ -24,6 +26,7 @@ from race_server.net.auth.keys import ClientKeys
 from race_server.net.auth.settings import PeerSettings
 from race_server.net.transport import ClientLink, PeerLink
 from race_server.net.wire import topics
+from race_server.net.wire.line import decode_line
 from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
 from race_server.net.wire.parking import OrderFrame
 
@@ -50,6 +53,7 @@ def take_part(
     on_request: bool = False,
     beside: str = "",
     peers: tuple[str, ...] = (),
+    level: Level = Level.NONE,
     each_turn: Callable[[KartProgram, Kart, float], bool] = lambda *_: True,
 ) -> None:
     """Drive one race with a real kart, all of an event, or park it.
@@ -60,8 +64,10 @@ def take_part(
     the server orders the kart to park. caution: share of the tyres' grip that the driver's briefing
     states, because a real kart rarely has the grip of its data sheet. on_request: a driver that
     parks waits for an order of the server, too. beside: address of this machine at which programs
-    are told what the kart knows, "" for none. each_turn: is called after each turn of the game's
-    side; the kart leaves once it returns False, or once its safety side has nothing more to do.
+    are told what the kart knows, "" for none. level: of the help that a racing driver's pedals get,
+    along the line that the server has for its karts. each_turn: is called after each turn of the
+    game's side; the kart leaves once it returns False, or once its safety side has nothing more to
+    do.
 
     Raises:
         LinkError: no server, or one that is gone before the race begins.
@@ -86,11 +92,22 @@ def take_part(
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
             kart, known = kart_of(seat, sheet, link), KnownKart(welcome.briefing.vehicle)
             briefing = _stating(welcome.briefing, caution)
-            crew_of = partial(_crew_of, driver, name, valet, briefing, welcome, sheet)
+            racer = driver
+            helps = level >= Level.BRAKES and not isinstance(driver, ParkingDriver)
+            if helps and len(sheet.line):
+                guide = _guide_of(persist(partial(link.ask, topics.LINE)))
+                racer = HelpedDriver(driver, level, guide, known, clock)
+            crew_of = partial(_crew_of, racer, name, valet, briefing, welcome, sheet)
             parks = None if on_request else welcome.order
             ready = None if welcome.stays else partial(persist, partial(seat.act, topics.READY))
             _drive(partial(_crew_ready, crew_of, parks, ready), onboard, kart, known, each_turn)
             welcome = onboard.next_race(known.hud)
+
+
+def _guide_of(data: bytes) -> Guide | None:
+    """Return the line of a message as help follows it, None where there is none."""
+    line = decode_line(data)
+    return Guide(line) if len(line.x) else None
 
 
 def _among(meet: PeerSettings, clock: Clock) -> Peers:

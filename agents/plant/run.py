@@ -15,6 +15,7 @@ from race_agents.plant.safety_process import PlantSetup
 from race_agents.plant.scene import Scene
 from race_agents.plant.sensors import Sensors
 from race_agents.plant.sight import SCENE_BYTES, mailbox_over
+from race_server.coaching.assistance import Level
 from race_server.core.driver import driver_named
 from race_server.errors import DriverError
 from race_server.live.client.seat import ClientSeat
@@ -49,6 +50,7 @@ class PlantSetting:
     kill_at: float | None = None  # [m/s]
     beside: str = ""  # address of this machine, see `take_part`
     peers: tuple[str, ...] = ()  # addresses of real karts, see `take_part`
+    level: Level = Level.NONE  # of the help for the driver's pedals
     report: Path | None = None
     black_box: Path | None = None
     only_incidents: bool = False  # what the black box keeps
@@ -90,6 +92,7 @@ def run_plant(setting: PlantSetting) -> None:
         on_request=setting.on_request,
         beside=setting.beside,
         peers=setting.peers,
+        level=setting.level,
         clock=lambda: time.monotonic() + offset_s,
         each_turn=each_turn,
     )

@@ -17,11 +17,12 @@ from race_server.coaching.faults import Fault, FaultKind, faults_of
 from race_server.coaching.lap import Lap, reference_lap
 from race_server.coaching.losses import lap_loss
 from race_server.competition.proportion import wilson_interval
-from race_server.competition.time_trial.gaps import Gap
+from race_server.competition.time_trial.gaps import NONE, Gap
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.reality_gap import RealityGap
 from race_server.scenario.raceline.attach import reference_line
 from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.track.line import ReferenceLine
 from race_server.scenario.track.load import load_course
 
 # Sizes of each fault that are tried, in its unit.
@@ -52,6 +53,7 @@ class CoachingExamSpec:
     track: str
     vehicle: str
     seeds: range
+    is_seen: bool = False  # laps are as spectators of a live race see them
 
 
 @dataclass(frozen=True)
@@ -110,25 +112,26 @@ def examine(
 ) -> Iterator[Attempted]:
     """Yield what the coach says of each lap: clean ones, weak motors, and each fault."""
     school = School(spec.track, spec.vehicle)
+    seen_by = school.bounds if spec.is_seen else None
     for seed in spec.seeds:
         watch(f"{spec.track}, seed {seed}")
         road = school.pupil(seed)
-        clean = drive_lap(school.course, school.vehicle, road.line, seed)
+
+        def driven(line: ReferenceLine, gap: Gap = NONE, seed: int = seed) -> Lap | None:
+            return drive_lap(school.course, school.vehicle, line, seed, gap, seen_by=seen_by)
+
+        clean = driven(road.line)
         if clean is None:
             continue
         yield _attempt(school, clean, clean, ("clean", 0.0), None, seed)
         for share in WEAK:
             weak = Gap("weak", RealityGap(speed_coefficient=(share, share)))
-            lap = drive_lap(school.course, school.vehicle, road.line, seed, weak)
-            if lap is not None:
+            if (lap := driven(road.line, weak)) is not None:
                 yield _attempt(school, lap, clean, ("weak motor", share), None, seed)
         for kind, corner in product(SIZES, school.corners):
             for size in SIZES[kind]:
                 line = line_with(road, Habit(kind, corner, size))
-                if line is None:
-                    continue
-                lap = drive_lap(school.course, school.vehicle, line, seed)
-                if lap is not None:
+                if line is not None and (lap := driven(line)) is not None:
                     yield _attempt(school, lap, clean, (kind.name.lower(), size), corner, seed)
 
 
@@ -243,5 +246,10 @@ def _share(part: int, whole: int) -> float | None:
 def document_of(spec: CoachingExamSpec, tried: Sequence[Attempted]) -> dict[str, Any]:
     """Return an exam as a document, each lap included."""
     corners = len({one.corner for one in tried if one.corner})
-    place = {"track": spec.track, "vehicle": spec.vehicle, "seeds": len(spec.seeds)}
+    place = {
+        "track": spec.track,
+        "vehicle": spec.vehicle,
+        "seeds": len(spec.seeds),
+        "seen": spec.is_seen,
+    }
     return place | summary_of(tried, corners) | {"tries": [asdict(one) for one in tried]}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from race_server.net.transport import ClientLink
     from race_server.scenario.track.course import Course
 
-# Between two looks at what has come [s]; what comes so long after the end is still of the race.
+# Between two looks at what has come [s]; what comes later than that after the end is missed.
 LOOK_S, LATE_S = 0.05, 0.5
 
 

@@ -7,9 +7,10 @@ situations. It follows the reference line; the driver steers, and pressing the b
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Protocol
 
 from race_server.core.messages import Flag, KartFlag, Phase, Status
-from race_server.scenario.track.line import ReferenceLine
+from race_server.core.state import Floats
 
 
 class Level(IntEnum):
@@ -57,10 +58,30 @@ class Situation:
     flag: Flag  # shown to this kart
 
 
-class Guide:
-    """A reference line as the assistance reads it."""
+class SpeedLine(Protocol):
+    """A closed line with the speeds along it: a reference line, or what clients receive of one."""
 
-    def __init__(self, line: ReferenceLine) -> None:
+    @property
+    def spacing(self) -> float:
+        """Length between samples [m]."""
+
+    @property
+    def x(self) -> Floats:
+        """East (N,) [m]."""
+
+    @property
+    def y(self) -> Floats:
+        """North (N,) [m]."""
+
+    @property
+    def speed(self) -> Floats:
+        """Speeds (N,) [m/s]."""
+
+
+class Guide:
+    """A line as the assistance reads it."""
+
+    def __init__(self, line: SpeedLine) -> None:
         """Take the samples of the line."""
         self.spacing = line.spacing
         self.x: list[float] = line.x.tolist()

@@ -20,7 +20,7 @@ MOST_BLIND_S = 0.25
 
 @dataclass(frozen=True, eq=False)
 class SeenLap:
-    """A lap of a race, whose pedals nobody saw."""
+    """A lap of a race, whose pedals were not seen."""
 
     seat: int
     number: int  # from 1

@@ -8,8 +8,8 @@ import pytest
 
 from race_server.coaching.circumstances import Circumstances
 from race_server.competition import recorded_laps as laps_of_recordings
-from race_server.competition.launch import free_address
 from race_server.competition.lap_witness import gaps_ahead, gaps_behind
+from race_server.competition.launch import free_address
 from race_server.competition.recorded_laps import recorded_laps
 from race_server.competition.time_trial.lap import BRAKE, PROGRESS, SPEED, THROTTLE, TIME
 from race_server.core.messages import Event, EventKind
@@ -134,7 +134,10 @@ def test_a_gap_is_the_time_to_where_the_next_kart_ahead_is() -> None:
     racing = np.array([True, True, True])
     # From 90 m to 5 m behind the line it is 15 m; from 5 m to 50 m 45 m; from 50 m to 90 m 40 m.
     assert gaps_ahead(progress, speed, racing, 100.0) == pytest.approx([3.0, 9.0, 4.0])
+    # At 10 m/s it is 4 s from 50 m to 90 m; at 5 m/s 3 s over the line, and 9 s to 50 m.
+    assert gaps_behind(progress, speed, racing, 100.0) == pytest.approx([4.0, 3.0, 9.0])
     alone = np.array([True, False, False])
+    assert gaps_behind(progress, speed, alone, 100.0) == pytest.approx([np.inf] * 3)
     assert gaps_ahead(progress, speed, alone, 100.0) == pytest.approx([np.inf] * 3)
 
 
