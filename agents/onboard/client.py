@@ -58,16 +58,13 @@ def take_part(
 ) -> None:
     """Drive one race with a real kart, all of an event, or park it.
 
-    kart_of: is called before each race, when the kart stands on its place on the grid; in an event,
-    where each race has another order, once the race counts down. driver: one that parks goes
-    to its slot in a car park; any other races, and hands the wheel to the one named by `valet` when
-    the server orders the kart to park. caution: share of the tyres' grip that the driver's briefing
-    states, because a real kart rarely has the grip of its data sheet. on_request: a driver that
-    parks waits for an order of the server, too. beside: address of this machine at which programs
-    are told what the kart knows, "" for none. level: of the help that a racing driver's pedals get,
-    along the line that the server has for its karts. each_turn: is called after each turn of the
-    game's side; the kart leaves once it returns False, or once its safety side has nothing more to
-    do.
+    kart_of: is called before each race, when the kart stands on its place on the grid; in an event
+    once the race counts down. driver: one that parks goes to its slot in a car park; any other
+    races, and hands the wheel to `valet` when the server orders the kart to park. caution: share of
+    the tyres' grip that the driver is told of. on_request: a driver that parks waits for an order
+    of the server, too. beside: address of this machine at which programs are told what the kart
+    knows, "" for none. level: of the help for a racing driver's pedals. each_turn: is called after
+    each turn of the game's side; the kart leaves once it returns False, or is through.
 
     Raises:
         LinkError: no server, or one that is gone before the race begins.
@@ -92,11 +89,8 @@ def take_part(
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
             kart, known = kart_of(seat, sheet, link), KnownKart(welcome.briefing.vehicle)
             briefing = _stating(welcome.briefing, caution)
-            racer = driver
-            helps = level >= Level.BRAKES and not isinstance(driver, ParkingDriver)
-            if helps and len(sheet.line):
-                guide = _guide_of(persist(partial(link.ask, topics.LINE)))
-                racer = HelpedDriver(driver, level, guide, known, clock)
+            ask_line = partial(persist, partial(link.ask, topics.LINE))
+            racer = _helped(driver, level, ask_line, known, clock)
             crew_of = partial(_crew_of, racer, name, valet, briefing, welcome, sheet)
             parks = None if on_request else welcome.order
             ready = None if welcome.stays else partial(persist, partial(seat.act, topics.READY))
@@ -104,10 +98,14 @@ def take_part(
             welcome = onboard.next_race(known.hud)
 
 
-def _guide_of(data: bytes) -> Guide | None:
-    """Return the line of a message as help follows it, None where there is none."""
-    line = decode_line(data)
-    return Guide(line) if len(line.x) else None
+def _helped(
+    driver: Driver, level: Level, ask_line: Callable[[], bytes], known: KnownKart, clock: Clock
+) -> Driver:
+    """Return a driver with help for its pedals, if it races and is to have some."""
+    if level < Level.BRAKES or isinstance(driver, ParkingDriver):
+        return driver
+    line = decode_line(ask_line())
+    return HelpedDriver(driver, level, Guide(line) if len(line.x) else None, known, clock)
 
 
 def _among(meet: PeerSettings, clock: Clock) -> Peers:

@@ -18,6 +18,9 @@ MOST_STEPS = 1500
 CALM_STEPS = 5
 # A reference at more than this share of its vehicle's top speed drives with full throttle.
 FLAT_OUT = 0.995
+# Of pedals that are felt from outside: less throttle than the first is none, what is not exceeded on
+# the second share of the way with throttle is full throttle, of at least the third: no weaker motor.
+FELT, FULL_SHARE, LEAST_FULL = 0.05, 0.9, 0.5
 # Slower than this [m/s] a motor pulls no harder.
 LEAST_SPEED = 0.1
 
@@ -58,9 +61,16 @@ class Lap:
 
 
 def with_pedals_felt(lap: Lap, bounds: Bounds) -> Lap:
-    """Return a lap with the pedals that its speeds take: of one that was only looked at."""
+    """Return a lap with the pedals that its speeds take: of one that was only looked at.
+
+    What its motor pulled most of the time that it pulled is full throttle, so that a weak one is
+    not taken for a driver who opens it less.
+    """
     pull = np.diff(lap.speed**2) / (2.0 * np.maximum(lap.ways, 1e-6))
     throttle, brake = _pedals(lap.speed[:-1], lap.curvature[:-1], pull, bounds)
+    pulls = throttle[throttle > FELT]
+    full = max(float(np.quantile(pulls, FULL_SHARE)), LEAST_FULL) if len(pulls) else 1.0
+    throttle = np.minimum(throttle / full, 1.0)
     last = throttle[-1:], brake[-1:]
     return replace(lap, throttle=np.append(throttle, last[0]), brake=np.append(brake, last[1]))
 
