@@ -125,9 +125,9 @@ def follow(
                 )
             continue
         estimator.filter.squares.clear()
-        believed = estimator.sense(readings)
-        if readings.fix is not None:
-            fixes, refused = fixes + 1, refused + (not believed)
+        taken = estimator.sense(readings)
+        if taken is not None:
+            fixes, refused = fixes + 1, refused + (not taken[1])
         for sensor, square in estimator.filter.squares.items():
             innovations.setdefault(sensor, []).append(square)
         rows.append((readings.time_s, *_errors(estimator, truth)))

@@ -130,14 +130,13 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        is_believed = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
+        taken = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
-        if readings.fix is not None:
-            self.watch.judge(Sensor.FIXES, is_believed=is_believed)
-        if is_believed:
-            assert readings.fix is not None
-            self._fix_s, self._source = readings.time_s, readings.fix.source
+        if taken is not None:
+            self.watch.judge(Sensor.FIXES, is_believed=taken[1])
+        if taken is not None and taken[1]:
+            self._fix_s, self._source = readings.time_s, taken[0].source
         elif readings.beacons and self.fusion.is_ranged:
             self._fix_s, self._source = readings.time_s, Source.BEACONS
         self._look(readings.echoes, dt)

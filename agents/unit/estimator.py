@@ -74,19 +74,29 @@ class Estimator:
         self._looked_s = -math.inf  # at borders
         self._vehicle, self._borders = vehicle, borders
         self._time_s = time_s
+        self._held: Late | None = None  # a fix that waits for the next turn
         # Turning rates [rad/s] that were told last, by the gyro and by the steering, and when.
         self._rates: dict[bool, tuple[float, float]] = {True: (0.0, time_s)}
 
-    def sense(self, readings: Readings, at_least: float = 0.0) -> bool:
-        """Take the newest readings; True if they hold a fix that was believed.
+    def sense(self, readings: Readings, at_least: float = 0.0) -> tuple[Fix, bool] | None:
+        """Take the newest readings; return the fix that was taken, and whether it was believed.
 
+        A late one that comes with a scan is taken at the next turn, since each costs much time.
         at_least: speed [m/s] that the kart has, by what needs no wheels.
         """
-        tick = self._tick(readings, at_least)
-        self._time_s = readings.time_s
-        fix = readings.fix
+        was_set_back = readings.time_s < self._time_s
+        tick, fix = self._tick(readings, at_least), readings.fix
+        held = None if was_set_back else self._held
+        self._time_s, self._held = readings.time_s, None
         late = None if fix is None else self._late(fix, readings.time_s)
-        return self.timeline.advance(tick, late)
+        if held is not None and late is not None:
+            self.timeline.insert(held)
+        elif held is not None:
+            late = held
+        elif late is not None and readings.echoes is not None and late.time_s < tick.begins_s:
+            late, self._held = None, late
+        believed = self.timeline.advance(tick, late)
+        return None if late is None else (late.fix, believed)
 
     def _late(self, fix: Fix, now_s: float) -> Late:
         """Return a fix with the moment it tells of."""

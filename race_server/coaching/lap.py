@@ -18,8 +18,8 @@ MOST_STEPS = 1500
 CALM_STEPS = 5
 # A reference at more than this share of its vehicle's top speed drives with full throttle.
 FLAT_OUT = 0.995
-# Of pedals that are felt from outside: less throttle than the first is none, what is not exceeded on
-# the second share of the way with throttle is full throttle, of at least the third: no weaker motor.
+# Of pedals that are felt from outside: less throttle than the first is none. What is exceeded only
+# on the last tenth of the way with throttle is full throttle; no motor is weaker than the third.
 FELT, FULL_SHARE, LEAST_FULL = 0.05, 0.9, 0.5
 # Slower than this [m/s] a motor pulls no harder.
 LEAST_SPEED = 0.1

@@ -14,6 +14,7 @@ from race_agents.unit.estimator import Estimator
 from race_agents.unit.inertial import Inertial
 from race_agents.unit.motion import DELAY, HEADING, SPEED, YAW_RATE, Agility, X, Y, drive_on
 from race_agents.unit.readings import Fix, Readings
+from race_agents.unit.safety import Echoes
 from race_agents.unit.wheels import Wheels
 from race_server.core.vehicle_presets import KART_60
 from support.courses import ring
@@ -105,8 +106,21 @@ def test_a_stamp_older_than_the_past_that_is_kept_tells_nothing() -> None:
     for turn in range(1, 101):
         estimator.sense(straight(turn, None, None))
     # At 2.02 s: taken for 0.1 s late, as receivers are, and not for 1.02 s.
-    assert not estimator.sense(straight(101, Fix(10.0, 0.0, 0.05, stamp_s=1.0), None))
-    assert estimator.sense(straight(102, Fix(19.4, 0.0, 0.05, stamp_s=1.02), None))
+    taken = [
+        estimator.sense(straight(101, Fix(10.0, 0.0, 0.05, stamp_s=1.0), None)),
+        estimator.sense(straight(102, Fix(19.4, 0.0, 0.05, stamp_s=1.02), None)),
+    ]
+    assert [fix is not None and fix[1] for fix in taken] == [False, True]
+
+
+def test_a_late_fix_that_comes_with_a_scan_is_taken_at_the_next_turn() -> None:
+    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
+    for turn in range(1, 100):
+        estimator.sense(straight(turn, None, None))
+    fix = Fix(19.0, 0.0, 0.05, stamp_s=1.9)
+    assert estimator.sense(replace(straight(100, fix, None), echoes=Echoes.nothing())) is None
+    assert estimator.sense(straight(101, None, None)) == (fix, True)
+    assert estimator.sense(straight(102, None, None)) is None
 
 
 def trip(seconds: float, **sensors: float | bool) -> Trip:
