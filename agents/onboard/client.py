@@ -4,6 +4,7 @@ This is the game's side: link, driver, report. What moves and keeps safe is the 
 `race_agents.onboard.safety_side`, in a separate process.
 """
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -21,14 +22,17 @@ from race_agents.unit.records import Word
 from race_server.coaching.assistance import Guide, Level
 from race_server.core.clock import Pacer
 from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named
+from race_server.core.vehicles import Vehicle
+from race_server.errors import DriverError
 from race_server.live.client.seat import ClientSeat, insist, take_seat
 from race_server.net.auth.keys import ClientKeys
 from race_server.net.auth.settings import PeerSettings
 from race_server.net.transport import ClientLink, PeerLink
 from race_server.net.wire import topics
 from race_server.net.wire.line import decode_line
-from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course
+from race_server.net.wire.lobby import CourseSheet, Join, Welcome, decode_course, decode_rules
 from race_server.net.wire.parking import OrderFrame
+from race_server.net.wire.sheets import VEHICLES
 
 # After this time without a word of the server it gives up.
 GIVE_UP_S = 10.0
@@ -87,10 +91,10 @@ def take_part(
         while welcome is not None:
             persist = partial(insist, deadline=time.monotonic() + timeout_s)
             sheet = decode_course(persist(partial(link.ask, topics.COURSE)))
+            guide = _guide(link, driver, level, welcome.briefing.vehicle, caution)
             kart, known = kart_of(seat, sheet, link), KnownKart(welcome.briefing.vehicle)
             briefing = _stating(welcome.briefing, caution)
-            ask_line = partial(persist, partial(link.ask, topics.LINE))
-            racer = _helped(driver, level, ask_line, known, clock)
+            racer = HelpedDriver(driver, level, guide, known, clock) if guide else driver
             crew_of = partial(_crew_of, racer, name, valet, briefing, welcome, sheet)
             parks = None if on_request else welcome.order
             ready = None if welcome.stays else partial(persist, partial(seat.act, topics.READY))
@@ -98,14 +102,26 @@ def take_part(
             welcome = onboard.next_race(known.hud)
 
 
-def _helped(
-    driver: Driver, level: Level, ask_line: Callable[[], bytes], known: KnownKart, clock: Clock
-) -> Driver:
-    """Return a driver with help for its pedals, if it races and is to have some."""
+def _guide(
+    link: ClientLink, driver: Driver, level: Level, vehicle: Vehicle, caution: float
+) -> Guide | None:
+    """Return the line that help for the pedals follows, None without help.
+
+    Its speeds are those for a share of the tyres' grip, as the driver is told of it.
+
+    Raises:
+        DriverError: there is none for this vehicle.
+    """
     if level < Level.BRAKES or isinstance(driver, ParkingDriver):
-        return driver
-    line = decode_line(ask_line())
-    return HelpedDriver(driver, level, Guide(line) if len(line.x) else None, known, clock)
+        return None
+    rules, line = decode_rules(link.ask(topics.RULES))[0], decode_line(link.ask(topics.LINE))
+    whose = rules.get(VEHICLES, "").split(",")[0] if len(line.x) else "no vehicle"
+    if whose != vehicle.name:
+        raise DriverError(
+            f"the server has a line for {whose}, and this kart is a {vehicle.name}: drive without "
+            "help for the pedals"
+        )
+    return Guide(replace(line, speed=math.sqrt(caution) * line.speed))
 
 
 def _among(meet: PeerSettings, clock: Clock) -> Peers:

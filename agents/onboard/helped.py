@@ -22,7 +22,7 @@ class HelpedDriver:
 
     driver: Driver
     level: Level
-    guide: Guide | None  # None where the course has no reference line: no help
+    guide: Guide
     kart: KnownKart
     clock: Callable[[], float]
 

@@ -32,14 +32,14 @@ def spectated_lap(
     marks: Sequence[Mark],
     bounds: Bounds,
 ) -> Lap | None:
-    """Return the last lap of a run from the snapshots of its decisions; None where it has none.
+    """Return the flying lap of a run from the snapshots of its decisions; None where it has none.
 
     notes, marks: of the run, see `race_server.competition.time_trial.lap`.
     """
     laps, writer, found = LiveLaps(course.length), SnapshotWriter(), list[SeenLap]()
     for number, mark in enumerate(marks, start=1):
         tick = math.floor((mark.end_us / MICROSECONDS - notes[0][TIME]) / TICK_S)
-        laps.hear([Event(number, tick, EventKind.LAP, 0, -1, mark.time_us, Cleanness.CLEAN)])
+        laps.hear([Event(number, tick, EventKind.LAP, 0, number, mark.time_us, Cleanness.CLEAN)])
     for number, note in enumerate(notes):
         row = np.zeros(1, KART)
         row["status"] = Status.RACING
@@ -53,8 +53,10 @@ def spectated_lap(
         )
         laps.see(decode_snapshot(writer.write(frame)))
         found += laps.ended()
-    if not found:
+    found += laps.ended(is_over=True)
+    flying = [one.lap for one in found if one.lap.is_flying]
+    if not flying:
         return None
-    lap = found[-1].lap
+    lap = flying[-1]
     columns = dict(zip(COLUMNS, lap.trace, strict=True))
     return with_pedals_felt(lap_on(course, name, lap.time_us, columns), bounds)

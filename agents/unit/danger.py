@@ -48,8 +48,8 @@ STEP_S, FORESEEN_S = 0.1, 5.0
 TIMES = np.arange(0.0, FORESEEN_S, STEP_S)
 # At most this much [m] is added to the berth for what is not known of a track.
 MOST_UNSURE = 0.35
-# A person that walks towards the way may be faster or slower than it seems: its driver is warned
-# where they could meet, this far [m] from where they would, and no more is done.
+# Who walks towards the way may be faster or slower than it seems: of a meeting this far [m] beside
+# what is foreseen the driver is warned, and no more is done.
 MOST_WALKED = 2.0
 # A person is known after this many scans, and until then may walk [m/s], but no farther than [m].
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
@@ -166,8 +166,7 @@ def danger_of(track: Track, speed: float, curvature: float, limits: Limits) -> D
     foreseen = _straight_on(track, curvature)
     straight = _meeting(track, foreseen, speed, limits)
     if straight is NO_DANGER and track.kind != codes.KART_HIT and foreseen.comes_nearer:
-        possible = _meeting(track, foreseen, speed, limits, most_unsure=MOST_WALKED)
-        return replace(possible, stage=min(possible.stage, DangerStage.WARN))
+        return _meeting(track, foreseen, speed, limits, MOST_WALKED)
     if straight is NO_DANGER or not _drives(track) or abs(curvature) < STRAIGHT:
         return straight
     turning = _meeting(track, _along_with(track, curvature), speed, limits)
@@ -225,14 +224,12 @@ def _seconds_of_way(track: Track) -> Floats:
 
 
 def _meeting(
-    track: Track,
-    foreseen: Foreseen,
-    speed: float,
-    limits: Limits,
-    *,
-    most_unsure: float = MOST_UNSURE,
+    track: Track, foreseen: Foreseen, speed: float, limits: Limits, most_unsure: float = MOST_UNSURE
 ) -> Danger:
-    """Return how dangerous an object is that moves as foreseen, or this far [m] beside that."""
+    """Return how dangerous an object is that moves as foreseen.
+
+    most_unsure: if it is met only this far [m] beside that, its driver is warned at most.
+    """
     x, y = float(track.state[0]), float(track.state[1])
     along, aside, _ = foreseen
     near = np.abs(aside) < limits.half_width + _margin(track, limits, most_unsure)
@@ -250,6 +247,8 @@ def _meeting(
     full = limits.promised if _drives(track) else limits.braking
     soon = _needed(pace, room, limits.reaction_s + AHEAD_S) >= full
     stage = _stage(track, time_s, needed, soon=soon, limits=limits)
+    if most_unsure > MOST_UNSURE:
+        stage = min(stage, DangerStage.WARN)
     # It comes: brakes take off the smaller part. Or it soon drives into the flank.
     flank = gap[first] < -PASSED and time_s < FLANK_S
     if track.kind == codes.KART_HIT and (track.leaves < -speed or flank):

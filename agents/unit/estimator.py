@@ -81,20 +81,17 @@ class Estimator:
     def sense(self, readings: Readings, at_least: float = 0.0) -> tuple[Fix, bool] | None:
         """Take the newest readings; return the fix that was taken, and whether it was believed.
 
-        A late one that comes with a scan is taken at the next turn, since each costs much time.
-        at_least: speed [m/s] that the kart has, by what needs no wheels.
+        A late one that comes with a scan is taken at the next turn, since each costs much time, and
+        one that comes while another waits waits as well. at_least: speed [m/s] that the kart has,
+        by what needs no wheels.
         """
-        was_set_back = readings.time_s < self._time_s
+        held = self._held if readings.time_s >= self._time_s else None
         tick, fix = self._tick(readings, at_least), readings.fix
-        held = None if was_set_back else self._held
         self._time_s, self._held = readings.time_s, None
         late = None if fix is None else self._late(fix, readings.time_s)
-        if held is not None and late is not None:
-            self.timeline.insert(held)
-        elif held is not None:
-            late = held
-        elif late is not None and readings.echoes is not None and late.time_s < tick.begins_s:
-            late, self._held = None, late
+        comes_late = late is not None and late.time_s < tick.begins_s
+        if held is not None or (comes_late and readings.echoes is not None):
+            late, self._held = held, late
         believed = self.timeline.advance(tick, late)
         return None if late is None else (late.fix, believed)
 

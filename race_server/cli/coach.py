@@ -76,6 +76,8 @@ def coach(
             if live
             else "name a recording or a driver, or coach the race that is on with --live"
         )
+    if cues and not live:
+        raise ScenarioError("--cues are of a race that is on: add --live")
     if live:
         from race_server.cli.coach_live import coach_race
 

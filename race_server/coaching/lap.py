@@ -19,8 +19,9 @@ CALM_STEPS = 5
 # A reference at more than this share of its vehicle's top speed drives with full throttle.
 FLAT_OUT = 0.995
 # Of pedals that are felt from outside: less throttle than the first is none. What is exceeded only
-# on the last tenth of the way with throttle is full throttle; no motor is weaker than the third.
-FELT, FULL_SHARE, LEAST_FULL = 0.05, 0.9, 0.5
+# on the last tenth of the way with throttle is full throttle; no motor is weaker than the third. At
+# more than the fourth share of its own top speed a kart pulls no faster with all the throttle.
+FELT, FULL_SHARE, LEAST_FULL, TOP_SHARE = 0.05, 0.9, 0.5, 0.99
 # Slower than this [m/s] a motor pulls no harder.
 LEAST_SPEED = 0.1
 
@@ -63,14 +64,15 @@ class Lap:
 def with_pedals_felt(lap: Lap, bounds: Bounds) -> Lap:
     """Return a lap with the pedals that its speeds take: of one that was only looked at.
 
-    What its motor pulled most of the time that it pulled is full throttle, so that a weak one is
-    not taken for a driver who opens it less.
+    Its strongest pull is full throttle, and so is its top speed, so that a weak motor is not taken
+    for a driver who opens the throttle less, or later; who never opens it fully is not found out.
     """
     pull = np.diff(lap.speed**2) / (2.0 * np.maximum(lap.ways, 1e-6))
     throttle, brake = _pedals(lap.speed[:-1], lap.curvature[:-1], pull, bounds)
     pulls = throttle[throttle > FELT]
     full = max(float(np.quantile(pulls, FULL_SHARE)), LEAST_FULL) if len(pulls) else 1.0
     throttle = np.minimum(throttle / full, 1.0)
+    throttle[lap.speed[:-1] > TOP_SHARE * lap.speed.max()] = 1.0
     last = throttle[-1:], brake[-1:]
     return replace(lap, throttle=np.append(throttle, last[0]), brake=np.append(brake, last[1]))
 

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -19,8 +19,8 @@ from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.topics import Topic
 
-# Messages that wait at most; of more than these the oldest are lost, and with them their laps.
-MOST_WAITING = 20_000
+# Messages that wait at most: half a minute's. Of more the oldest are lost, and their laps.
+MOST_WAITING = 2_000
 MOST_EVENTS = 4096
 
 
@@ -28,7 +28,6 @@ MOST_EVENTS = 4096
 class Said:
     """What the coach says to a driver: of a lap that ended, or a cue on the way."""
 
-    seat: int
     driver: str
     words: str  # what to try, or why the lap is not compared; empty where nothing was wrong
     lap: int = 0  # of a lap: its number
@@ -41,37 +40,41 @@ class Said:
 class _Pupil:
     """What is known of one driver."""
 
+    name: str
     laps: list[tuple[int, Lap, str]] = field(default_factory=list)
     best: Lap | None = None
     cues: tuple[Cue, ...] = ()
+    progress: float = 0.0  # [m] at the last glance
     said: set[str] = field(default_factory=set)  # corners with a cue in this lap
     spoken_s: float = -math.inf
 
 
 class RaceCoach:
-    """The coach of all drivers of a race, fed with what spectators receive."""
+    """The coach of all drivers of one race, fed with what spectators receive.
 
-    def __init__(self, coach: dict[int, Coach] | Coach) -> None:
-        """Wait for a race. coach: of all seats, or of each, for karts that differ."""
-        self._coach = coach
-        self.view = RaceView(MOST_EVENTS)
-        self._laps = LiveLaps(self.coach_of(0).course.length)
+    It ends with the race of which it saw a lap, also where the next race begins at once.
+    """
+
+    def __init__(self, coaches: Sequence[Coach]) -> None:
+        """Wait for a race. coaches: of the vehicles of the seats, repeated in turn."""
+        self._coaches = coaches
+        self.view, self._laps = RaceView(MOST_EVENTS), LiveLaps(coaches[0].course.length)
         self._pupils: dict[int, _Pupil] = {}
+        self.is_over = False
 
-    def coach_of(self, seat: int) -> Coach:
-        """Return what laps of a seat are compared with."""
-        return self._coach if isinstance(self._coach, Coach) else self._coach[seat]
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the race has ended."""
-        standings = self.view.standings
-        return standings is not None and standings.phase is Phase.FINISHED
+    def _coach_of(self, seat: int) -> Coach:
+        return self._coaches[seat % len(self._coaches)]
 
     def receive(self, topic: Topic, data: bytes) -> Iterator[Said]:
         """Take a message; yield what there is to say."""
+        if self.is_over and topic not in {topics.EVENTS, topics.RECENT}:
+            return
         update = self.view.receive(topic, data, time.monotonic())
         if update is None:
+            return
+        has_laps = any(pupil.laps for pupil in self._pupils.values())
+        if update.is_other_race and has_laps:
+            self.is_over = True
             return
         if update.is_other_race:
             self._laps.begin()
@@ -80,45 +83,51 @@ class RaceCoach:
         if topic is topics.SNAPSHOT and self.view.snapshot is not None:
             for glance in self._laps.see(self.view.snapshot):
                 yield from self._cue(glance)
-        for seen in self._laps.ended():
+        standings = self.view.standings
+        has_ended = standings is not None and standings.phase is Phase.FINISHED
+        for seen in self._laps.ended(is_over=has_ended):
+            has_laps = True
             yield self._study(seen)
+        self.is_over |= has_ended and has_laps
 
     def lessons(self) -> dict[int, Lesson]:
         """Return what the race taught each driver, by seat."""
         return {
-            seat: self.coach_of(seat).lesson(self._name(seat), pupil.laps)
+            seat: self._coach_of(seat).lesson(pupil.name, pupil.laps)
             for seat, pupil in sorted(self._pupils.items())
             if pupil.laps
         }
 
-    def _name(self, seat: int) -> str:
+    def _pupil(self, seat: int) -> _Pupil:
         standings = self.view.standings
         rows = standings.rows if standings else ()
-        return next((row.driver for row in rows if row.seat == seat), f"seat {seat}")
-
-    def _pupil(self, seat: int) -> _Pupil:
-        return self._pupils.setdefault(seat, _Pupil())
+        name = next((row.driver for row in rows if row.seat == seat), "")
+        pupil = self._pupils.setdefault(seat, _Pupil(name))
+        pupil.name = pupil.name or name or f"seat {seat}"
+        return pupil
 
     def _study(self, seen: SeenLap) -> Said:
-        coach, pupil = self.coach_of(seen.seat), self._pupil(seen.seat)
+        coach, pupil = self._coach_of(seen.seat), self._pupil(seen.seat)
         columns = dict(zip(COLUMNS, seen.lap.trace, strict=True))
         felt = lap_on(coach.course, f"lap {seen.number}", seen.lap.time_us, columns)
         lap = with_pedals_felt(felt, coach.bounds)
         pupil.laps.append((seen.number, lap, seen.reason))
-        pupil.said.clear()
-        told = seen.seat, self._name(seen.seat)
         if seen.reason:
-            return Said(*told, seen.reason, seen.number, lap.time_us)
+            return Said(pupil.name, seen.reason, seen.number, lap.time_us)
         if pupil.best is None or lap.time_us < pupil.best.time_us:
             pupil.best = lap
         studied = coach.study(seen.number, lap, pupil.best)
         pupil.cues = cues_for(studied.faults)
         tips = tips_for([studied.faults])
         words = tips[0].words if tips else ""
-        return Said(*told, words, seen.number, lap.time_us, lap.time_us - coach.limit.time_us)
+        behind_us = lap.time_us - coach.limit.time_us
+        return Said(pupil.name, words, seen.number, lap.time_us, behind_us)
 
     def _cue(self, glance: Glance) -> Iterator[Said]:
         pupil = self._pupil(glance.seat)
+        if glance.progress < pupil.progress - 0.5 * self._coach_of(glance.seat).course.length:
+            pupil.said.clear()  # another lap
+        pupil.progress = glance.progress
         if pupil.best is None:
             return
         moment = Moment(
@@ -134,19 +143,19 @@ class RaceCoach:
         if cue is not None:
             pupil.said.add(cue.corner)
             pupil.spoken_s = glance.seconds
-            yield Said(glance.seat, self._name(glance.seat), cue.words, corner=cue.corner)
+            yield Said(pupil.name, cue.words, corner=cue.corner)
 
 
 class LiveCoach:
     """A coach that listens to a race over its link."""
 
-    def __init__(self, link: ClientLink, coach: dict[int, Coach] | Coach) -> None:
-        """Begin to listen.
+    def __init__(self, link: ClientLink, coaches: Sequence[Coach]) -> None:
+        """Begin to listen, see `RaceCoach`.
 
         Raises:
             LinkError: the server does not answer.
         """
-        self.race, self._link = RaceCoach(coach), link
+        self.race, self._link = RaceCoach(coaches), link
         self._inbox: deque[tuple[Topic, bytes]] = deque(maxlen=MOST_WAITING)
         self._heard_at = time.monotonic()
         for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS):

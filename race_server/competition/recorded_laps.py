@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from race_server.coaching.circumstances import Circumstances
-from race_server.competition.lap_witness import LapWitness, gaps_ahead, touched
+from race_server.competition.lap_witness import Around, LapWitness, gaps_ahead, touched
 from race_server.competition.time_trial.gaps import DECISION_TICKS
 from race_server.competition.time_trial.lap import TrialLap, note_of
 from race_server.core import codes
@@ -94,9 +94,6 @@ def _note(session: Session, seats: list[LapWitness], length: float) -> None:
     acts = (world.players["effects"]["source"][0] > 0).any(axis=1)
     for seat in seats:
         racer = world.racers[0, seat.number]
-        seat.note(
-            note_of(since_lights, world.bodies[0, seat.number], racer),
-            acts=bool(acts[seat.number]),
-            is_cautioned=bool(racer.yellow or race.flag in (Flag.YELLOW, Flag.RED)),
-            gap_s=float(gaps[seat.number]),
-        )
+        is_cautioned = bool(racer.yellow or race.flag in (Flag.YELLOW, Flag.RED))
+        around = Around(bool(acts[seat.number]), is_cautioned, float(gaps[seat.number]))
+        seat.note(note_of(since_lights, world.bodies[0, seat.number], racer), around)

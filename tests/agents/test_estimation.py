@@ -121,6 +121,11 @@ def test_a_late_fix_that_comes_with_a_scan_is_taken_at_the_next_turn() -> None:
     assert estimator.sense(replace(straight(100, fix, None), echoes=Echoes.nothing())) is None
     assert estimator.sense(straight(101, None, None)) == (fix, True)
     assert estimator.sense(straight(102, None, None)) is None
+    # One that comes while another waits: each turn takes one, in order.
+    fixes = [Fix(0.2 * turn - 1.0, 0.0, 0.05, stamp_s=0.02 * turn - 0.1) for turn in (103, 104)]
+    assert estimator.sense(replace(straight(103, fixes[0], None), echoes=Echoes.nothing())) is None
+    assert estimator.sense(straight(104, fixes[1], None)) == (fixes[0], True)
+    assert estimator.sense(straight(105, None, None)) == (fixes[1], True)
 
 
 def trip(seconds: float, **sensors: float | bool) -> Trip:

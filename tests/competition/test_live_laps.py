@@ -29,7 +29,7 @@ def frame(tick: int, karts: int = 1, flag: Flag = Flag.GREEN, **values: float) -
 
 def lap_event(number: int) -> Event:
     tick = math.floor(60 * (2.007 + 10.0 * (number - 1)))
-    return Event(number, tick, EventKind.LAP, 0, -1, 10_000_000, Cleanness.CLEAN)
+    return Event(number, tick, EventKind.LAP, 0, number, 10_000_000, Cleanness.CLEAN)
 
 
 def seen(first: int = 0, blind: range = range(0), **values: float) -> list[SeenLap]:
@@ -59,6 +59,42 @@ def test_a_lap_with_a_break_in_its_snapshots_is_not_looked_at() -> None:
     (only,) = seen(blind=range(500, 530))
     assert only.number == 3
     assert len(seen(blind=range(500, 510))) == 2
+
+
+def test_a_lap_that_is_told_late_has_the_times_of_its_own_way() -> None:
+    # Yellow for two seconds after the line at 12.007 s, which is told three seconds late.
+    laps, found = LiveLaps(LENGTH), list[SeenLap]()
+    laps.hear([lap_event(1)])
+    for tick in range(1500):
+        if tick == 900:
+            laps.hear([lap_event(2)])
+        if tick == 1400:
+            laps.hear([lap_event(3)])
+        laps.see(frame(tick, flag=Flag.YELLOW if 724 < tick < 844 else Flag.GREEN))
+        found += laps.ended()
+    assert [lap.reason for lap in found] == ["", "2.0 s under a flag"]
+
+
+def test_the_last_lap_counts_though_no_snapshot_comes_after_it() -> None:
+    laps = LiveLaps(LENGTH)
+    laps.hear([lap_event(1)])
+    for tick in range(720):  # until 7 ms before the line
+        laps.see(frame(tick))
+        assert not list(laps.ended())
+    laps.hear([lap_event(2)])
+    assert not list(laps.ended())
+    (last,) = laps.ended(is_over=True)
+    assert last.lap.is_flying
+
+
+def test_karts_that_stand_at_home_and_a_course_without_karts_are_nothing_to_note() -> None:
+    laps = LiveLaps(LENGTH)
+    assert laps.see(frame(0, karts=0)) == []
+    for tick in range(3, 300, 3):
+        (glance,) = laps.see(frame(tick, status=Status.FINISHED))
+        assert not glance.is_driving
+    laps.hear([lap_event(1)])
+    assert list(laps.ended(is_over=True)) == []
 
 
 @pytest.mark.parametrize(

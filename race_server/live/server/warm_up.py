@@ -27,6 +27,13 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
     for name in dict.fromkeys(drivers):
         with suppress(DriverError):  # in its race it will be out, with the reason
             _let_decide(name, scenario)
+    _rehearse(scenario)
+    gc.unfreeze()  # of a call before
+    gc.collect()
+    gc.freeze()
+
+
+def _rehearse(scenario: Scenario) -> None:
     rehearsal = Session("rehearsal", scenario)
     rehearsal.join("nobody", "full")
     rehearsal.start()
@@ -37,8 +44,6 @@ def warm_up(scenario: Scenario, drivers: Sequence[str] = ()) -> None:
     rehearsal.race_control.penalise_late(0, 1.0)
     rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)
-    gc.collect()
-    gc.freeze()
 
 
 def _let_decide(name: str, scenario: Scenario) -> None:
