@@ -11,8 +11,8 @@ from race_agents.plant.peer_matrices import rows as peer_rows
 from race_agents.plant.points import calculator
 from race_agents.plant.raced import Raced, driven_races, recorded_race
 from race_agents.plant.row import Row
+from race_agents.plant.shadow import false_acts, shadow
 from race_agents.plant.shadow import rows as shadow_rows
-from race_agents.plant.shadow import shadow
 from race_agents.plant.sides import rows as sides_rows
 from race_agents.plant.trip import Course
 from race_agents.plant.whereabouts import Setting
@@ -73,6 +73,7 @@ def measure(
         if part in (None, name)
         for row in of(settings.get(name, setting))
     ]
+    told: dict[str, Any] = {"track": track, "vehicle": vehicle.name, "seeds": seeds}
     if part == RACES or (part is None and races is not None):
         raced = _races_in(races) if races is not None else driven_races(vehicle, first_race)
         count_km = tell if part == RACES else lambda _: None
@@ -84,7 +85,8 @@ def measure(
             peers=peers,
         )
         found += shadow_rows(looked)
-    told = {"track": track, "vehicle": vehicle.name, "seeds": seeds, "calculator": calculator()}
+        told["false"] = false_acts(looked)
+    told["calculator"] = calculator()
     return {**_judged(found), **told, "rows": [{**row.document(), "bar": row.bar} for row in found]}
 
 

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -245,6 +246,25 @@ def _windows(frames: Iterator[Frame], size: int) -> Iterator[Sequence[Frame]]:
     while window:
         yield window
         window.popleft()
+
+
+def false_acts(found: Shadow) -> list[dict[str, Any]]:
+    """Return each false full brake and warning as plain data, to be looked at one by one."""
+    return [
+        {
+            "race": act.race,
+            "time_s": round(act.tick / 60.0, 2),
+            "seat": act.seat,
+            "stage": act.stage.name.lower(),
+            "speed": round(act.speed, 2),
+            "for": act.danger.kind.name.lower(),
+            "bearing": round(act.danger.bearing, 2),
+            "distance": round(act.danger.distance, 2),
+            "needed": round(act.danger.needed, 2),
+        }
+        for act in found.acts
+        if act.is_false
+    ]
 
 
 def rows(found: Shadow) -> list[Row]:
