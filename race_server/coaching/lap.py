@@ -20,7 +20,7 @@ CALM_STEPS = 5
 FLAT_OUT = 0.995
 # Of pedals that are felt from outside: less throttle than the first is none. What is exceeded only
 # on the last tenth of the way with throttle is full throttle; no motor is weaker than the third. At
-# more than the fourth share of its own top speed a kart pulls no faster with all the throttle.
+# more than the fourth share of the lap's top speed a kart pulls no faster with all the throttle.
 FELT, FULL_SHARE, LEAST_FULL, TOP_SHARE = 0.05, 0.9, 0.5, 0.99
 # Slower than this [m/s] a motor pulls no harder.
 LEAST_SPEED = 0.1
