@@ -163,6 +163,13 @@ def _show(lesson: "Lesson") -> None:
     for one in lesson.laps:
         told = f", not compared: {one.reason}" if one.reason else ""
         console.print(f"lap {one.number}: {lap_text(one.lap.time_us)}{told}", highlight=False)
+    if lesson.pieces and best and lesson.pieces.time_us < best.lap.time_us:
+        parts = ", ".join(
+            f"lap {part['lap']} to {part['end']:.0f} m" for part in document["pieces"]
+        )
+        console.print(
+            f"best pieces together: {lap_text(lesson.pieces.time_us)} ({parts})", highlight=False
+        )
     if lesson.note:
         console.print(lesson.note, style="yellow", highlight=False, soft_wrap=True)
     for number, tip in enumerate(lesson.tips, start=1):

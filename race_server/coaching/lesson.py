@@ -10,6 +10,7 @@ from race_server.coaching.corners import Corner, corners_of
 from race_server.coaching.faults import Fault, faults_of
 from race_server.coaching.lap import Lap, reference_lap
 from race_server.coaching.losses import LapLoss, lap_loss
+from race_server.coaching.pieces import BestPieces, best_pieces
 from race_server.core.clock import MICROSECONDS
 from race_server.core.vehicles import Vehicle
 from race_server.errors import ScenarioError
@@ -42,6 +43,7 @@ class Lesson:
     corners: tuple[Corner, ...]
     laps: tuple[Studied, ...]
     tips: tuple[Tip, ...]
+    pieces: BestPieces | None  # of the laps that count, whose places are in `compared`
 
     @property
     def compared(self) -> tuple[Studied, ...]:
@@ -63,6 +65,15 @@ class Lesson:
             "note": self.note,
             "limit_s": _seconds(self.limit.time_us),
             "best_s": _seconds(best.lap.time_us) if best else None,
+            "best_pieces_s": _seconds(self.pieces.time_us) if self.pieces else None,
+            "pieces": [
+                {
+                    "lap": self.compared[piece.lap].number,
+                    "begin": round(piece.begin, 2),
+                    "end": round(piece.end, 2),
+                }
+                for piece in (self.pieces.pieces if self.pieces else ())
+            ],
             "corners": [self._row(row) for row in range(len(self.corners))],
             "laps": [_lap_row(one) for one in self.laps],
             "tips": [
@@ -155,4 +166,5 @@ class Coach:
         )
         tips = tips_for([one.faults for one in studied if not one.reason])
         given = self.course, self.vehicle, self.note, self.limit, self.corners
-        return Lesson(driver, *given, studied, tips)
+        pieces = best_pieces(counted, self.corners, self.bounds) if counted else None
+        return Lesson(driver, *given, studied, tips, pieces)

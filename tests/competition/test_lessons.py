@@ -102,7 +102,7 @@ def test_pictures_of_several_drivers_are_named_by_their_seats(
     lesson: Lesson, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording, drawn = tmp_path / "race.mcap", list[str]()
-    by_seat = {0: lesson, 3: replace(lesson, laps=()), 5: lesson}
+    by_seat = {0: lesson, 3: replace(lesson, laps=(), pieces=None), 5: lesson}
     monkeypatch.setattr(lessons, "lessons_of_recording", lambda *_: by_seat)
     monkeypatch.setattr(lesson_picture, "draw_lesson", lambda _, path: drawn.append(path.name))
     words = ["coach", str(recording), "--json", "--picture", str(tmp_path / "report.png")]

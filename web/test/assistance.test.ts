@@ -71,7 +71,7 @@ test('nobody is helped before the lights, under red, turned round, in reverse, w
   expect(help('pedals', rolling, at(10, 5, { line: null })).does).toBeNull();
 });
 
-test('a thousand situations have the answers that a real kart gives', () => {
+test('ten thousand situations have the answers that a real kart gives', () => {
   const path = new URL('../../tests/shared/assistance.json', import.meta.url);
   const shared = JSON.parse(readFileSync(path, 'utf8')) as Shared;
   const { spacing, x, y, speed } = shared.line;
