@@ -6,6 +6,7 @@ is carried over, or lacks, lasts: passes forward and backward as in
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,6 +23,8 @@ PRESSED = 0.05
 SAME = 1e-9
 # The hardest braking of a lap is what it exceeds in this share of its points.
 HARDEST = 0.01
+# Laps that are remembered as the passes read them.
+MOST_MOTIONS = 64
 
 
 class Motion:
@@ -41,6 +44,7 @@ class Motion:
         self.powered: list[bool] = [*powered.tolist(), False]
         self.hardest = max(float(np.quantile(-pull, 1.0 - HARDEST)), COASTING)  # [m/s²]
         self.time: list[float] = lap.time.tolist()
+        self._could: dict[int, float] = {}  # acceleration [m/s²] at its speed, by point
 
     def slowing(self, index: int, speed: float) -> float:
         """Return how hard [m/s²] its driver slows down at a point at a speed [m/s]."""
@@ -69,8 +73,17 @@ class Motion:
         could = driving(speed, self.curvature[index], self.bounds)
         if not self.powered[index]:
             return could
-        own = driving(self.speed[index], self.curvature[index], self.bounds)
+        own = self._could.get(index)
+        if own is None:
+            own = driving(self.speed[index], self.curvature[index], self.bounds)
+            self._could[index] = own
         return self.pull[index] + could - own
+
+
+@lru_cache(maxsize=MOST_MOTIONS)
+def motion_of(lap: Lap, bounds: Bounds) -> Motion:
+    """Return a lap as the passes read it; laps are compared with the same ones again and again."""
+    return Motion(lap, bounds)
 
 
 def joined_time(before: Motion, after: Motion, at: int) -> float:

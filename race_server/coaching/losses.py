@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from race_server.coaching.corners import Corner
-from race_server.coaching.counterfactual import Motion, joined_time
+from race_server.coaching.counterfactual import joined_time, motion_of
 from race_server.coaching.lap import Lap
 from race_server.core.clock import MICROSECONDS
 from race_server.scenario.raceline.bounds import Bounds
@@ -50,7 +50,7 @@ def lap_loss(lap: Lap, other: Lap, corners: Sequence[Corner], bounds: Bounds) ->
     """Return what a lap loses on another one in each corner; less than zero where it gains."""
     pieces = _pieces(lap, corners)
     cuts = [first for first, _, _ in pieces]
-    own, wanted = Motion(lap, bounds), Motion(other, bounds)
+    own, wanted = motion_of(lap, bounds), motion_of(other, bounds)
     ends = (lap.time_us / MICROSECONDS, other.time_us / MICROSECONDS)
     # With everything before a cut mended, and with everything from the cut on.
     mended = [ends[0], *(joined_time(wanted, own, cut) for cut in cuts), ends[1]]

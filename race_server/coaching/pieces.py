@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from race_server.coaching.corners import Corner
-from race_server.coaching.counterfactual import Motion, joined_time
+from race_server.coaching.counterfactual import Motion, joined_time, motion_of
 from race_server.coaching.lap import Lap
 from race_server.core.clock import MICROSECONDS
 from race_server.scenario.raceline.bounds import Bounds
@@ -44,7 +44,7 @@ def best_pieces(laps: Sequence[Lap], corners: Sequence[Corner], bounds: Bounds) 
     Raises:
         ValueError: there is no lap.
     """
-    motions, first = [Motion(lap, bounds) for lap in laps], laps[0]
+    motions, first = [motion_of(lap, bounds) for lap in laps], laps[0]
     count = len(first.progress) - 1
     # Of every lap's best way to the joint before: its time [s], and where it changed laps.
     times, ways = [0.0] * len(laps), [[Piece(at, 0.0, 0.0)] for at in range(len(laps))]
