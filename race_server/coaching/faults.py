@@ -72,7 +72,7 @@ _ROLLED = 0.3
 # Where less of the speed than this share is lost, places on the way down and up say little.
 _SHALLOW = 0.12
 # Sizes are for karts; what drives more slowly than this [m/s] has signs that are as much smaller.
-_KART_PACE = 9.0
+KART_PACE = 9.0
 
 
 def _early_brakes(seen: Features) -> float:
@@ -130,7 +130,7 @@ def fault_in(corner: Corner, seen: Features, cost_us: int) -> Fault | None:
 
 
 def _scale(seen: Features) -> float:
-    return min(seen.pace / _KART_PACE, 1.0)
+    return min(seen.pace / KART_PACE, 1.0)
 
 
 def _clearness(pair: tuple[float, _Sign]) -> float:

@@ -11,14 +11,16 @@ from dataclasses import dataclass
 
 from race_server.coaching.corners import Corner
 from race_server.coaching.counterfactual import Motion, joined_time, motion_of
+from race_server.coaching.faults import KART_PACE
 from race_server.coaching.lap import Lap
 from race_server.core.clock import MICROSECONDS
 from race_server.scenario.raceline.bounds import Bounds
 
-# Laps are joined where they differ by less than this in speed [m/s] and offset [m].
+# Laps are joined where they differ by less than this in speed [m/s] and offset [m]; below the pace of
+# karts by less in proportion.
 MOST_FASTER, MOST_ASIDE = 0.3, 0.3
 # A change of laps that gains less than this [s] is none.
-LEAST_GAIN_S = 0.001
+LEAST_GAIN_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,9 @@ def _change(
 
 
 def _fit(lap: Lap, other: Lap, at: int) -> bool:
-    is_alike = abs(float(lap.speed[at] - other.speed[at])) < MOST_FASTER
-    return is_alike and abs(float(lap.offset[at] - other.offset[at])) < MOST_ASIDE
+    share = min(float(lap.speed[at]) / KART_PACE, 1.0)
+    is_alike = abs(float(lap.speed[at] - other.speed[at])) < MOST_FASTER * share
+    return is_alike and abs(float(lap.offset[at] - other.offset[at])) < MOST_ASIDE * share
 
 
 def _cost(before: Motion, after: Motion, at: int) -> float:

@@ -51,6 +51,13 @@ def test_one_lap_is_its_best_pieces(limit: Lap) -> None:
     assert found.time_us == pytest.approx(limit.time_us, abs=1)
 
 
+def test_a_change_that_gains_less_than_ten_milliseconds_is_none(limit: Lap) -> None:
+    corners = corners_of(limit)
+    laps = [slower(limit, corners[1], 0.002), slower(limit, corners[3], 0.002)]
+    assert 1_000 < laps[0].time_us - limit.time_us < 10_000
+    assert len(best_pieces(laps, corners, BOUNDS).pieces) == 1
+
+
 def test_laps_that_pass_all_places_apart_are_not_joined(limit: Lap) -> None:
     corners = corners_of(limit)
     laps = [slower(limit, corners[1], 0.1), slower(limit, corners[3], 0.1)]
