@@ -16,8 +16,8 @@ from race_server.coaching.lap import Lap
 from race_server.core.clock import MICROSECONDS
 from race_server.scenario.raceline.bounds import Bounds
 
-# Laps are joined where they differ by less than this in speed [m/s] and offset [m]; below the pace of
-# karts by less in proportion.
+# Laps are joined where they differ by less than this in speed [m/s] and offset [m]; below the pace
+# of karts by less in proportion.
 MOST_FASTER, MOST_ASIDE = 0.3, 0.3
 # A change of laps that gains less than this [s] is none.
 LEAST_GAIN_S = 0.01
