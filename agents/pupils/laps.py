@@ -4,7 +4,6 @@ from race_agents.pupils.line_follower import LineFollower
 from race_agents.pupils.spectated import spectated_lap
 from race_server.coaching.lap import Lap, lap_on
 from race_server.competition.time_trial.gaps import NONE, Gap
-from race_server.competition.time_trial.lap import COLUMNS
 from race_server.competition.time_trial.run import Attempt
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.driver import driver_named
@@ -42,4 +41,4 @@ def drive_lap(
     if not laps:
         return None
     lap = laps[0]
-    return lap_on(course, name, lap.time_us, dict(zip(COLUMNS, lap.trace, strict=True)))
+    return lap_on(course, name, lap.time_us, lap.columns)

@@ -58,5 +58,4 @@ def spectated_lap(
     if not flying:
         return None
     lap = flying[-1]
-    columns = dict(zip(COLUMNS, lap.trace, strict=True))
-    return with_pedals_felt(lap_on(course, name, lap.time_us, columns), bounds)
+    return with_pedals_felt(lap_on(course, name, lap.time_us, lap.columns), bounds)

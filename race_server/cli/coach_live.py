@@ -48,7 +48,7 @@ def coach_race(
                     if said.driver == (only or said.driver) and (with_cues or said.lap):
                         console.print(_line_of(said), soft_wrap=True)
         except (LinkError, KeyboardInterrupt) as error:
-            if not live.race.lessons():
+            if not live.race.has_laps:
                 raise
             console.print(f"stopped before the end: {error or 'Ctrl-C'}", style="yellow")
         lessons = live.race.lessons()

@@ -7,7 +7,7 @@ from race_server.coaching.circumstances import Circumstances
 from race_server.coaching.lap import Lap, lap_on
 from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition.recorded_laps import recorded_laps
-from race_server.competition.time_trial.lap import COLUMNS, TrialLap
+from race_server.competition.time_trial.lap import TrialLap
 from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
 from race_server.core.vehicle_presets import vehicle_named
@@ -67,5 +67,4 @@ def lessons_of_recording(
 
 
 def _studied(course: Course, lap: TrialLap, told: Circumstances) -> tuple[int, Lap, str]:
-    columns = dict(zip(COLUMNS, lap.trace, strict=True))
-    return lap.number, lap_on(course, f"lap {lap.number}", lap.time_us, columns), told.reason
+    return lap.number, lap_on(course, f"lap {lap.number}", lap.time_us, lap.columns), told.reason

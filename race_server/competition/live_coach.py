@@ -12,7 +12,6 @@ from race_server.coaching.cues import Cue, Moment, cues_for, due
 from race_server.coaching.lap import Lap, lap_on, with_pedals_felt
 from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition.live_laps import Glance, LiveLaps, SeenLap
-from race_server.competition.time_trial.lap import COLUMNS
 from race_server.core.messages import Phase
 from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
@@ -72,8 +71,7 @@ class RaceCoach:
         update = self.view.receive(topic, data, time.monotonic())
         if update is None:
             return
-        has_laps = any(pupil.laps for pupil in self._pupils.values())
-        if update.is_other_race and has_laps:
+        if update.is_other_race and self.has_laps:
             self.is_over = True
             return
         if update.is_other_race:
@@ -86,9 +84,13 @@ class RaceCoach:
         standings = self.view.standings
         has_ended = standings is not None and standings.phase is Phase.FINISHED
         for seen in self._laps.ended(is_over=has_ended):
-            has_laps = True
             yield self._study(seen)
-        self.is_over |= has_ended and has_laps
+        self.is_over |= has_ended and self.has_laps
+
+    @property
+    def has_laps(self) -> bool:
+        """Whether a whole lap was seen."""
+        return any(pupil.laps for pupil in self._pupils.values())
 
     def lessons(self) -> dict[int, Lesson]:
         """Return what the race taught each driver, by seat."""
@@ -108,8 +110,7 @@ class RaceCoach:
 
     def _study(self, seen: SeenLap) -> Said:
         coach, pupil = self._coach_of(seen.seat), self._pupil(seen.seat)
-        columns = dict(zip(COLUMNS, seen.lap.trace, strict=True))
-        felt = lap_on(coach.course, f"lap {seen.number}", seen.lap.time_us, columns)
+        felt = lap_on(coach.course, f"lap {seen.number}", seen.lap.time_us, seen.lap.columns)
         lap = with_pedals_felt(felt, coach.bounds)
         pupil.laps.append((seen.number, lap, seen.reason))
         if seen.reason:

@@ -37,6 +37,11 @@ class TrialLap:
         """Time of the lap [s]."""
         return self.time_us / MICROSECONDS
 
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The trace by the names of its rows, (N,) each."""
+        return dict(zip(COLUMNS, self.trace, strict=True))
+
 
 @dataclass(frozen=True)
 class Mark:
