@@ -193,6 +193,16 @@ def test_many_servers_can_make_the_same_file_at_once(path: Path) -> None:
     assert len(races(path)) == 8
 
 
+def test_a_server_waits_while_another_makes_the_file(path: Path) -> None:
+    with closing(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as other:
+        other.execute("begin immediate")
+        ends = threading.Timer(0.2, other.execute, ("rollback",))
+        ends.start()
+        fill(path, a_race("ann"))
+        ends.join()
+    assert len(races(path)) == 1
+
+
 def test_a_home_of_no_user_is_named_before_anything_is_driven() -> None:
     for path_of_words in (path_of, folder_of, policy_path):
         with pytest.raises(ScenarioError, match=r"~nosuch/x: ~nosuch is the home of no user here"):

@@ -6,6 +6,7 @@ file counts those that it has been through.
 
 import os
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from itertools import chain
@@ -20,6 +21,7 @@ NOWHERE = "none"
 APPLICATION = 0x52414345
 # Another program may hold the file for at most this long.
 BUSY_S = 2.0
+_AGAIN_S = 0.01
 
 _TABLES = (
     """
@@ -187,7 +189,7 @@ def open_file(path: Path, *, create: bool = False, busy_s: float = BUSY_S) -> sq
         )
         try:
             connection.row_factory = sqlite3.Row
-            _prepare(connection, path)
+            _prepare(connection, path, busy_s)
         except BaseException:
             connection.close()
             raise
@@ -199,15 +201,29 @@ def version_of(connection: sqlite3.Connection) -> int:
     return int(connection.execute("pragma user_version").fetchone()[0])
 
 
-def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+def _prepare(connection: sqlite3.Connection, path: Path, busy_s: float) -> None:
     connection.execute("pragma foreign_keys = on")
     connection.execute("pragma synchronous = normal")
     _refuse_what_is_not_ours(connection, path)
     if version_of(connection) < len(MIGRATIONS):
-        connection.execute("pragma journal_mode = wal")
+        _write_ahead(connection, busy_s)
         _migrate(connection)
     if not _columns_known() <= _columns_of(connection):
         raise damaged(path, "it lacks columns")
+
+
+def _write_ahead(connection: sqlite3.Connection, busy_s: float) -> None:
+    """Let one write while others read; wait for others here, since SQLite does not at this."""
+    ends_s = time.monotonic() + busy_s
+    while True:
+        try:
+            connection.execute("pragma journal_mode = wal")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() >= ends_s:
+                raise
+            time.sleep(_AGAIN_S)
+        else:
+            return
 
 
 def _columns_of(connection: sqlite3.Connection) -> set[tuple[str, str]]:
