@@ -168,7 +168,7 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
             for track in unit.objects.tracks
         ],
     }
-    if unit.peers:
+    if unit.others.peers:
         turn["peers"] = [
             {
                 "age_s": _rounded(readings.time_s - 1e-6 * peer.stamp_us),
@@ -176,7 +176,7 @@ def turn_of(readings: Readings, unit: ControlUnit) -> Turn:
                 "speed": _rounded(peer.speed),
                 "braking": _rounded(peer.braking),
             }
-            for peer in unit.peers
+            for peer in unit.others.peers
         ]
     if filtered is not None:
         turn["state"] = _all(filtered.state)

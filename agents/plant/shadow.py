@@ -32,7 +32,7 @@ from race_agents.plant.radar import ERRS, REACH_LENGTHS, Floats, RadarErrors, Su
 from race_agents.plant.row import Row
 from race_agents.plant.told import HEADING, PACE, PLACE
 from race_agents.unit.danger import severity_of, worst_ahead
-from race_agents.unit.drift import STRAIGHT_ON, Drift
+from race_agents.unit.drift import STRAIGHT_ON, Arcs, Drift
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
@@ -117,14 +117,14 @@ class Follower:
         drift = STRAIGHT_ON
         if speed > SLOW:
             drift = Drift.of(speed, slide, float(row["yaw_rate"]), self.limits)
-        danger = worst_ahead(*sensed, speed, now, wanted, self.limits, drift=drift)
+        arcs = Arcs(speed, now, wanted, drift)
+        danger = worst_ahead(*sensed, arcs, self.limits)
         if told:
             back = self.vehicle.rear_axle
             place = x - back * math.cos(heading), y - back * math.sin(heading), heading
             own = Whereabouts(*place, PLACE, HEADING, now_s)
             tracks = tracks_of(told, own, OpenPlace(), self.limits.half_width)
-            ways = speed, now, wanted, self.limits
-            heard = worst_ahead(tracks, Echoes.nothing(), *ways, drift=drift)
+            heard = worst_ahead(tracks, Echoes.nothing(), arcs, self.limits)
             danger = max(danger, heard, key=severity_of)
         if danger.stage < DangerStage.WARN or speed < SLOW:
             return None

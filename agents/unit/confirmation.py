@@ -15,9 +15,17 @@ from race_agents.unit.ego import Ego
 from race_agents.unit.safety import Echoes
 from race_agents.unit.track import GATE, Track
 from race_server.core import codes
+from race_server.core.messages import RayHit
 
 Floats = NDArray[np.float64]
 
+SCANS = 3  # earlier ones that may confirm an echo
+# What echoes may be of, as far as others confirm it: a kart and people are things as well.
+BORDER, THING, KART, PEOPLE = range(4)
+IS_OF = np.zeros((1 + max(RayHit), 4), np.float32)  # (kinds, classes)
+IS_OF[:, THING] = 1.0
+IS_OF[codes.BORDER] = 1.0, 0.0, 0.0, 0.0
+IS_OF[codes.KART_HIT, KART] = IS_OF[[codes.OBSTACLE, codes.PERSON], PEOPLE] = 1.0
 # An echo and what confirms it lie within this [m] of each other, with closing speeds [m/s] within
 # that.
 NEAR, ALIKE = 0.7, 2.0
@@ -31,12 +39,37 @@ BEHIND, SAME, CLEAR = 1.0, 0.025, 2
 NEIGHBOURS, BESIDE_LINE = 0.16, 0.3
 
 
-class Scan(NamedTuple):
-    """An earlier scan, in the kart's frame of now, and from where it was made."""
+class Past(NamedTuple):
+    """The echoes of earlier scans, in the kart's frame of now."""
 
-    echoes: Echoes
-    x: float  # [m]
-    y: float  # [m]
+    echoes: Echoes  # (m,)
+    x: Floats  # (m,) [m] where the radar was when it saw each
+    y: Floats  # (m,) [m]
+    ago: NDArray[np.int64]  # (m,) scans since then
+
+    @classmethod
+    def nothing(cls) -> "Past":
+        """Return what was seen before the first scan."""
+        none = np.zeros(0)
+        return cls(Echoes.nothing(), none, none, np.zeros(0, np.int64))
+
+    def carried(self, ego: Ego, dt: float) -> "Past":
+        """Return them in the kart's frame of a scan later, but for those that are too old."""
+        kept = self.ago < SCANS
+        x, y = self.x[kept] - ego.ahead, self.y[kept] - ego.left
+        cos, sin = math.cos(ego.turned), math.sin(ego.turned)
+        echoes = moved(self.echoes.kept(kept), ego, dt)
+        return Past(echoes, cos * x + sin * y, cos * y - sin * x, self.ago[kept] + 1)
+
+    def with_scan(self, echoes: Echoes, radar: float) -> "Past":
+        """Return them with a scan of now. radar: [m] that the radar is ahead of the rear axle."""
+        here = np.full(len(echoes.x), radar)
+        return Past(
+            self.echoes.joined(echoes),
+            np.concatenate([self.x, here]),
+            np.concatenate([self.y, np.zeros(len(here))]),
+            np.concatenate([self.ago, np.zeros(len(here), np.int64)]),
+        )
 
 
 def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
@@ -53,68 +86,77 @@ def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
     )
 
 
-def carried(scan: Scan, ego: Ego, dt: float) -> Scan:
-    """Return an earlier scan in the kart's frame of a scan later."""
-    x, y = scan.x - ego.ahead, scan.y - ego.left
-    cos, sin = math.cos(ego.turned), math.sin(ego.turned)
-    return Scan(moved(scan.echoes, ego, dt), cos * x + sin * y, cos * y - sin * x)
-
-
-def confirmed(echoes: Echoes, earlier: Sequence[Scan], tracks: Sequence[Track] = ()) -> Echoes:
+def confirmed(echoes: Echoes, past: Past, tracks: Sequence[Track] = ()) -> Echoes:
     """Return those echoes that others confirm. tracks: where something is known to be.
 
     One whose kind few others confirm is of the kind of those that lie around it.
     """
     if len(echoes.x) == 0:
         return echoes
-    beside = are_near(echoes, echoes)
-    beside.reshape(-1)[:: len(echoes.x) + 1] = False  # none lies beside itself
+    near = _count_near(echoes, past)
+    here, before = near[:, 0], near[:, 1:]
     is_thing = echoes.kinds != codes.BORDER
-    votes = np.zeros((2, len(echoes.x)), np.int64)  # for a border, for a thing
-    times = np.zeros(len(echoes.x), np.int64)
-    before = [scan.echoes for scan in earlier]
-    nears = [are_near(echoes, scan) for scan in before]
-    for near, scan in zip(nears, before, strict=True):
-        thing = scan.kinds != codes.BORDER
-        times += near.any(axis=1)
-        votes[1] += (near & thing).any(axis=1)
-        votes[0] += (near & ~thing).any(axis=1) & ~(near & thing).any(axis=1)
-    around = np.stack([(beside & ~is_thing).sum(axis=1), (beside & is_thing).sum(axis=1)])
-    if is_thing.any():
-        around[0] += _lies_on_border(echoes)
-    kept = (times >= 1) | (beside.sum(axis=1) >= BESIDE)
-    appears = times <= 1
-    if appears.any():
-        appears[appears] = _seen_through(echoes.kept(appears), earlier) >= CLEAR
-    for track in tracks if appears.any() else ():
-        is_like = (echoes.kinds == codes.KART_HIT) == (track.kind == codes.KART_HIT)
-        near = np.hypot(echoes.x - track.state[0], echoes.y - track.state[1]) < GATE
-        appears &= ~(is_like & near)
-    kept &= ~appears
-    for_border, for_thing = votes + around
+    # In how many earlier scans each was there, and what it was: votes for a border, for a thing.
+    was = before[:, :, : THING + 1] > 0.0
+    was_border, was_thing = was[:, :, BORDER], was[:, :, THING]
+    times = (was_border | was_thing).sum(axis=1)
+    kept = (times >= 1) | (here[:, BORDER] + here[:, THING] >= BESIDE)
+    kept &= ~_appears(echoes, times, past, tracks)
+    if not is_thing.any():
+        return echoes.kept(kept)
+    for_thing = was_thing.sum(axis=1) + here[:, THING]
+    for_border = (was_border & ~was_thing).sum(axis=1) + here[:, BORDER] + _lies_on_border(echoes)
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
-    least = np.where(for_border > 0, np.maximum(for_border, 2), 1)
+    least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
     doubtful = is_thing & (for_thing < least)
-    kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, before, nears, beside)).astype(
-        np.uint8
-    )
-    return Echoes(echoes.x, echoes.y, echoes.closing, kinds).kept(kept)
+    kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, here, before.sum(axis=1)))
+    return Echoes(echoes.x, echoes.y, echoes.closing, kinds.astype(np.uint8)).kept(kept)
 
 
-def _seen_through(echoes: Echoes, earlier: Sequence[Scan]) -> NDArray[np.int64]:
+def _count_near(echoes: Echoes, past: Past) -> NDArray[np.float32]:
+    """Return how many echoes lie near each, by scans ago and by class, shape (n, 1 + SCANS, 4)."""
+    everything = echoes.joined(past.echoes)
+    near = are_near(echoes, everything)
+    np.fill_diagonal(near, val=False)  # none lies beside itself
+    ago = np.concatenate([np.zeros(len(echoes.x), np.int64), past.ago])
+    belongs = np.zeros((len(ago), 1 + SCANS, 4), np.float32)
+    belongs[np.arange(len(ago)), ago] = IS_OF[everything.kinds]
+    counts = near.astype(np.float32) @ belongs.reshape(len(ago), -1)
+    return counts.reshape(-1, 1 + SCANS, 4)
+
+
+def _appears(
+    echoes: Echoes, times: NDArray[np.int64], past: Past, tracks: Sequence[Track]
+) -> NDArray[np.bool_]:
+    """Return which echoes (n,) appear where nothing was. times: (n,) scans in which it was."""
+    appears = times <= 1
+    if appears.any():
+        appears[appears] = _seen_through(echoes.kept(appears), past) >= CLEAR
+    if tracks and appears.any():
+        x, y = np.array([track.state[:2] for track in tracks]).T
+        is_kart = np.array([track.kind == codes.KART_HIT for track in tracks])
+        is_like = (echoes.kinds == codes.KART_HIT)[:, None] == is_kart
+        known = is_like & (np.hypot(echoes.x[:, None] - x, echoes.y[:, None] - y) < GATE)
+        appears &= ~known.any(axis=1)
+    return appears
+
+
+def _seen_through(echoes: Echoes, past: Past) -> NDArray[np.int64]:
     """Return in how many earlier scans the radar saw something behind the places of echoes (n,).
 
     No person appears where it just saw the ground behind; a mirrored or a stray echo does. Each
     scan saw from where the radar was then: what is near lies elsewhere in the view by now.
     """
-    through = np.zeros(len(echoes.x), np.int64)
-    for scan, x, y in earlier:
-        far, ways = _view(echoes, x, y)
-        theirs, bearings = _view(scan, x, y)
-        off = np.abs(bearings - ways[:, None])
-        through += ((off < SAME) & (theirs > far[:, None] + BEHIND)).any(axis=1)
-    return through
+    x, y = past.echoes.x - past.x, past.echoes.y - past.y
+    here_x, here_y = echoes.x[:, None] - past.x, echoes.y[:, None] - past.y
+    theirs, far = np.hypot(x, y), np.hypot(here_x, here_y)
+    aside, ahead = here_x * y - here_y * x, here_x * x + here_y * y
+    is_same = np.abs(aside) < math.tan(SAME) * ahead
+    through = is_same & (theirs > far + BEHIND)
+    return np.stack([through[:, past.ago == ago].any(axis=1) for ago in range(1, 1 + SCANS)]).sum(
+        axis=0
+    )
 
 
 def _lies_on_border(echoes: Echoes) -> NDArray[np.bool_]:
@@ -139,36 +181,23 @@ def _lies_on_border(echoes: Echoes) -> NDArray[np.bool_]:
     return found
 
 
-def _view(echoes: Echoes, x: float, y: float) -> tuple[Floats, Floats]:
-    """Return how far [m] and in which direction [rad] echoes lie from a place, (n,) each."""
-    return np.hypot(echoes.x - x, echoes.y - y), np.arctan2(echoes.y - y, echoes.x - x)
-
-
 def _outvoted(
-    echoes: Echoes,
-    earlier: Sequence[Echoes],
-    nears: Sequence[NDArray[np.bool_]],
-    beside: NDArray[np.bool_],
+    echoes: Echoes, here: NDArray[np.float32], before: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     """Return kinds (n,): a kart among people, or a person among karts, is one of the others.
 
     What was taken for a person before, too, is one: a child who comes from behind a kart.
 
-    nears: which echoes (n,) lie near which of each earlier scan; beside: … of this one.
+    here, before: (n, 4) echoes near each in this scan, and in earlier ones.
     """
-    if not (echoes.kinds != codes.BORDER).any():
-        return echoes.kinds
-    kart, other = echoes.kinds == codes.KART_HIT, echoes.may_be_people
-    karts = (beside & kart).sum(axis=1)
-    others, before = (beside & other).sum(axis=1), np.zeros(len(kart), np.int64)
-    for near, scan in zip(nears, earlier, strict=True):
-        karts = karts + (near & (scan.kinds == codes.KART_HIT)).sum(axis=1)
-        before = before + (near & scan.may_be_people).sum(axis=1)
-    others = others + before
+    people = before[:, PEOPLE]
+    karts, others = here[:, KART] + before[:, KART], here[:, PEOPLE] + people
     # Without any other of its kind one among karts is enough: a stray echo is confirmed by those.
-    is_alone = other & (before == 0) & (karts > np.where(others == 0, 0, others + 1))
+    few = karts > np.where(others == 0.0, 0.0, others + 1.0)
+    is_alone = echoes.may_be_people & (people == 0.0) & few
     kinds = np.where(is_alone, codes.KART_HIT, echoes.kinds)
-    return np.where(kart & (others > karts + 1), codes.OBSTACLE, kinds).astype(np.uint8)
+    is_kart = echoes.kinds == codes.KART_HIT
+    return np.where(is_kart & (others > karts + 1.0), codes.OBSTACLE, kinds).astype(np.uint8)
 
 
 def are_near(one: Echoes, other: Echoes) -> NDArray[np.bool_]:

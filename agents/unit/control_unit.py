@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.danger import NO_DANGER, nearest_of, severity_of, watch_danger, worst_ahead
-from race_agents.unit.drift import STRAIGHT_ON, Drift
+from race_agents.unit.drift import STRAIGHT_ON, Arcs, Drift
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.estimator import Estimator
 from race_agents.unit.fence import Fence
@@ -20,7 +20,7 @@ from race_agents.unit.limits import Limits
 from race_agents.unit.motion import HEADING, SLIDE, SPEED, YAW_RATE, X, Y, pose_of
 from race_agents.unit.objects import Objects
 from race_agents.unit.orders import Orders
-from race_agents.unit.peers import Whereabouts, tracks_of
+from race_agents.unit.peers import PeerWatch, Whereabouts
 from race_agents.unit.readings import MICROSECONDS, Fix, Readings
 from race_agents.unit.safety import (
     STOP_FOR_OBSTACLE,
@@ -77,7 +77,7 @@ class ControlUnit:
     echoes: Echoes = field(default_factory=Echoes.nothing)  # those that others confirm
     loose: Echoes = field(default_factory=Echoes.nothing)  # … but those of karts that are known
     danger: Danger = NO_DANGER
-    peers: tuple[Peer, ...] = ()  # what other real karts told last
+    others: PeerWatch = field(default_factory=PeerWatch)
     _ego: EgoMotion = field(default_factory=EgoMotion)
     ranges: NDArray[np.float64] | None = None  # [m] of the lidar over the centre of gravity
     _hud_s: float = -math.inf
@@ -87,6 +87,7 @@ class ControlUnit:
     _time_s: float = 0.0
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
+    _is_busy: bool = False  # in this turn came a scan or a fix, which take time
     _is_braking: bool = False  # the reflex began to brake for something and is not through
     _met: Danger = NO_DANGER  # what it braked fully for last
     _met_s: float = -math.inf  # when a person was last seen in the way, or near
@@ -108,7 +109,7 @@ class ControlUnit:
 
     def hear_peers(self, peers: tuple[Peer, ...]) -> None:
         """Take what other real karts tell, each the newest; their stamps are of this clock."""
-        self.peers = peers
+        self.others.peers = peers
 
     def drive(self, control: Control, now_s: float) -> None:
         """Take what the driver wants; what is no number is not heard."""
@@ -130,6 +131,7 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
+        self._is_busy = readings.echoes is not None or readings.fix is not None
         taken = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
@@ -202,8 +204,9 @@ class ControlUnit:
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
             now = self._ego.yaw_rate / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
-        ahead, sensed = self._watch_ahead(now, will, speed), self.danger
-        told = self._danger_of_peers(now, will, speed, now_s)
+        arcs = Arcs(speed, now, will, self._drift(speed))
+        ahead, sensed = self._watch_ahead(arcs), self.danger
+        told = self._danger_of_peers(arcs, now_s)
         self.danger = max(sensed, told, key=severity_of)
         return [
             ahead,
@@ -222,23 +225,22 @@ class ControlUnit:
             watch_sensors(self.limits, is_blind=self.watch.is_blind, is_lame=self.watch.is_lame),
         ]
 
-    def _watch_ahead(self, now: float, will: float, speed: float) -> Verdict:
+    def _watch_ahead(self, arcs: Arcs) -> Verdict:
         """Brake for what stands ahead until the kart stands, and then until the way is free.
 
         A driver that releases the pedal, or backs away, may try again. For another kart, which
         drives on, the brakes are on only while it is in danger.
         """
-        sensed = self.objects.tracks, self.loose
-        drift = self._drift(speed)
-        danger = self.danger = worst_ahead(*sensed, speed, now, will, self.limits, drift=drift)
+        speed, ways = arcs.speed, (arcs.speed, arcs.now, arcs.wanted, self.limits)
+        danger = self.danger = worst_ahead(self.objects.tracks, self.loose, arcs, self.limits)
         if self._driver.throttle < 0.0 and speed < STANDS:
             self._is_braking = False
             return Verdict()
         still = self.echoes.without_karts()
         if danger.stage is DangerStage.FULL:
-            alone = watch_obstacles(still, speed, now, will, self.limits).brake > 0.0
+            alone = watch_obstacles(still, *ways).brake > 0.0
             self._is_braking |= alone or danger.kind in PEOPLE
-            people = watch_obstacles(self.echoes.of_people(), speed, now, will, self.limits)
+            people = watch_obstacles(self.echoes.of_people(), *ways)
             if people.brake > 0.0 or danger.kind in PEOPLE:
                 self._met_s = self._time_s
             self._met = danger
@@ -253,24 +255,18 @@ class ControlUnit:
         if self._is_braking:
             held = self._hold(watch_restart(still, self.limits))
             self._is_braking = held.brake > 0.0
-        near = watch_creeping(self.echoes, will, self.limits.stand_off, self.limits)
+        near = watch_creeping(self.echoes, arcs.wanted, self.limits.stand_off, self.limits)
         verdict = held if held.brake > 0.0 else near
         if verdict.brake > 0.0:
             self.danger = self._what_is_waited_for()
         return verdict
 
-    def _danger_of_peers(self, now: float, will: float, speed: float, now_s: float) -> Danger:
-        """Return the worst of what other karts tell: it stands beside what the radar sees.
-
-        Nothing here is asked by, or changes, what the kart does for what it sees itself.
-        """
-        if not self.peers or self.fusion is None:
-            return NO_DANGER
+    def _danger_of_peers(self, arcs: Arcs, now_s: float) -> Danger:
+        """Return the worst of what other karts tell."""
+        assert self.fusion is not None
         x, y, heading = (float(self.fusion.state[at]) for at in (X, Y, HEADING))
         own = Whereabouts(x, y, heading, self.fusion.deviation, self._heading_deviation, now_s)
-        tracks = tracks_of(self.peers, own, self.fence, self.limits.half_width)
-        nothing, drift = Echoes.nothing(), self._drift(speed)
-        return worst_ahead(tracks, nothing, speed, now, will, self.limits, drift=drift)
+        return self.others.look(own, self.fence, self.limits, arcs, is_busy=self._is_busy)
 
     @property
     def _heading_deviation(self) -> float:

@@ -8,6 +8,7 @@ place within its length: its arc begins at the nearest end, turned to where that
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,7 +47,7 @@ class Drift:
 
     def limits(self, limits: Limits) -> Limits:
         """Return the limits of a body that is measured from where its arcs begin."""
-        return replace(limits, nose=limits.nose - self.pivot) if self.pivot else limits
+        return _limits_from(limits, self.pivot) if self.pivot else limits
 
     def tracks(self, tracks: Sequence[Track]) -> list[Track]:
         """Return tracks as they lie from there."""
@@ -56,11 +57,7 @@ class Drift:
         both, pivot = np.zeros((4, 4)), np.array([self.pivot, 0.0, 0.0, 0.0])
         both[:2, :2] = both[2:, 2:] = (cos, sin), (-sin, cos)
         return [
-            replace(
-                track,
-                state=both @ (track.state - pivot),
-                covariance=both @ track.covariance @ both.T,
-            )
+            track.with_motion(both @ (track.state - pivot), both @ track.covariance @ both.T)
             for track in tracks
         ]
 
@@ -72,3 +69,18 @@ class Drift:
 
 
 STRAIGHT_ON = Drift()
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """How a kart may drive on: along the arc of now, or along the one that its driver steers to."""
+
+    speed: float  # [m/s]
+    now: float  # [1/m] curvature, positive to the left
+    wanted: float  # [1/m]
+    drift: Drift = STRAIGHT_ON
+
+
+@lru_cache(maxsize=2)  # asked twice in a turn: for what the kart sees and for what others tell
+def _limits_from(limits: Limits, pivot: float) -> Limits:
+    return replace(limits, nose=limits.nose - pivot)

@@ -48,8 +48,9 @@ MOST_FIXES_REFUSED = 3
 # But nothing carries a kart whose accelerometer felt no blow for this long [s]: then rather they
 # are wrong, for as long as it takes to slow down.
 CALM_S, MOST_REFUSED_CALM = 2.0, 25
-# Ranges come from many beacons: only when all are refused for a while is the place doubted.
-MOST_RANGES_REFUSED = 25
+# Ranges come from many beacons: only when most are refused for a while is the place doubted. One
+# that is believed makes up for this many refused: by chance some fit a wrong place, too.
+MOST_RANGES_REFUSED, FORGIVES = 25, 2
 # Scans in a row that show the borders elsewhere, until the place is doubted; for how long [s] a
 # scan tells whether a fix can be right.
 MOST_SCANS_REFUSED, SEEN_S = 10, 0.5
@@ -214,8 +215,10 @@ class KartFilter(Corrected):
     def see_range(self, x: float, y: float, distance: float, deviation: float) -> bool:
         """Take a distance to a beacon at (x, y); False if it was not believed.
 
-        Echoes make ranges long: one that is off by more than 1.5 deviations weighs less the
-        farther it is off (Huber), and beyond 5 it is refused.
+        Echoes make ranges long: one that is off by more than 1.5 deviations of what is expected
+        moves the kart no farther than that one (Huber; Masreliez and Martin 1977: the deviation is
+        that of the place, too, or the first echo would carry off a kart that is not sure of its
+        place). Beyond 5 it is refused.
         """
         antenna = antenna_at(self.state, self._lever)
         away = antenna - (x, y)
@@ -231,9 +234,9 @@ class KartFilter(Corrected):
         if off > FARTHEST:
             self._doubt("range", np.array([residual]), row[None], MOST_RANGES_REFUSED)
             return False
-        self._refused["range"] = 0
+        self._refused["range"] = max(self._refused.get("range", 0) - FORGIVES, 0)
         weight = min(1.0, HUBER / max(off, 1e-9))
-        self._correct(shared, residual, spread + deviation**2 / weight)
+        self._correct(shared, residual, (spread + deviation**2) / weight)
         return True
 
     def see_borders(self, seen: Sighting) -> bool:

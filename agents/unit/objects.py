@@ -6,13 +6,12 @@ along by the kart's own speed and turning, which never jumps as a fix does.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.confirmation import ALIKE, Scan, are_near, carried, confirmed
+from race_agents.unit.confirmation import ALIKE, Past, are_near, confirmed
 from race_agents.unit.ego import Ego
 from race_agents.unit.safety import Echoes
 from race_agents.unit.track import (
@@ -30,7 +29,6 @@ from race_server.core import codes
 
 Floats = NDArray[np.float64]
 
-SCANS = 3  # earlier ones that may confirm an echo
 SPREAD = 1.2  # [m] within which echoes of one thing lie of one another
 GONE = 5  # scans without an echo after which a track is gone
 MOST_TRACKS = 64  # more than a radar has beams; of more the nearest are kept
@@ -47,17 +45,17 @@ class Objects:
     tracks: list[Track] = field(default_factory=list)
     seen: Echoes = field(default_factory=Echoes.nothing)  # the confirmed echoes of the last scan
     loose: Echoes = field(default_factory=Echoes.nothing)  # those that are of no known kart
-    _earlier: deque[Scan] = field(default_factory=lambda: deque(maxlen=SCANS))
+    _past: Past = field(default_factory=Past.nothing)
     _born: int = 0
 
     def look(self, echoes: Echoes, ego: Ego, dt: float) -> None:
         """Take a scan, `dt` seconds after the one before."""
         echoes = taken_for_karts(echoes, ego)
-        self._earlier = deque((carried(each, ego, dt) for each in self._earlier), maxlen=SCANS)
+        self._past = self._past.carried(ego, dt)
         for track in self.tracks:
             carry(track, ego, dt)
-        self.seen = confirmed(echoes, self._earlier, self.tracks)
-        self._earlier.append(Scan(echoes, self.radar, 0.0))
+        self.seen = confirmed(echoes, self._past, self.tracks)
+        self._past = self._past.with_scan(echoes, self.radar)
         things = self.seen.without_borders()
         for group in groups_of(things):
             self._take(things.kept(group), ego, dt)

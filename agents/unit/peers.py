@@ -12,10 +12,15 @@ from operator import attrgetter
 
 import numpy as np
 
+from race_agents.unit.danger import NO_DANGER, worst_ahead
+from race_agents.unit.drift import Arcs
 from race_agents.unit.fence import Fence
+from race_agents.unit.limits import Limits
 from race_agents.unit.readings import MICROSECONDS
+from race_agents.unit.safety import Echoes
 from race_agents.unit.track import BORN, Track
 from race_server.core import codes
+from race_server.core.alert import Danger
 from race_server.core.peer import Peer
 
 # What a kart told longer ago than this [s] is ignored, and what it tells from as far in the future.
@@ -26,6 +31,8 @@ OUTSIDE = 5.0
 MOST_PEERS = 8
 # How much a kart may change its way untold [m/s²], and the deviation of a told speed [m/s].
 CHANGES, SPEED = 6.0, 0.3
+# In this many turns with other work what they told before holds.
+MOST_TURNS = 2
 # A point this far [m] behind the axle, and as far again as beside it, is behind on each way that a
 # kart may drive: the direction in which it slides is turned by less than 45°.
 BEHIND = 3.0
@@ -42,6 +49,36 @@ class Whereabouts:
     deviation: float  # [m]
     heading_deviation: float  # [rad]
     time_s: float
+
+
+@dataclass
+class PeerWatch:
+    """The danger that others are by what they tell: it stands beside what the radar sees.
+
+    Nothing here is asked by, or changes, what the kart does for what it sees itself.
+    """
+
+    peers: tuple[Peer, ...] = ()  # what other real karts told last
+    danger: Danger = NO_DANGER
+    _may_wait: int = 0  # turns in which what was found last may hold
+
+    def look(
+        self, own: Whereabouts, fence: Fence, limits: Limits, arcs: Arcs, *, is_busy: bool
+    ) -> Danger:
+        """Return the worst of what others tell now.
+
+        is_busy: this turn has much work already; then what was found last holds once more, but not
+        for longer than `MOST_TURNS`: less than the way of a message takes.
+        """
+        if not self.peers:
+            self.danger, self._may_wait = NO_DANGER, 0
+        elif is_busy and self._may_wait:
+            self._may_wait -= 1
+        else:
+            tracks = tracks_of(self.peers, own, fence, limits.half_width)
+            self.danger = worst_ahead(tracks, Echoes.nothing(), arcs, limits)
+            self._may_wait = MOST_TURNS
+        return self.danger
 
 
 def tracks_of(

@@ -75,6 +75,16 @@ class Echoes:
         """Which echoes may be of a person, shape (n,): not every radar tells one from a thing."""
         return (self.kinds == codes.OBSTACLE) | (self.kinds == codes.PERSON)
 
+    def joined(self, other: "Echoes") -> "Echoes":
+        """Return these echoes and those of another scan."""
+        both = np.concatenate
+        return Echoes(
+            both([self.x, other.x]),
+            both([self.y, other.y]),
+            both([self.closing, other.closing]),
+            both([self.kinds, other.kinds]),
+        )
+
     def kept(self, kept: NDArray[np.bool_]) -> "Echoes":
         """Return the echoes of a mask (n,)."""
         return Echoes(self.x[kept], self.y[kept], self.closing[kept], self.kinds[kept])
@@ -116,20 +126,26 @@ def is_on_way(
     return (along > 0.0) & (aside < limits.half_width + beside) & (aside > -outer - beside)
 
 
-def is_in_danger(echoes: Echoes, curvature: float, limits: Limits) -> NDArray[np.bool_]:
-    """Return which echoes will be hit along an arc unless the kart brakes fully now.
+def is_in_danger(
+    echoes: Echoes, curvatures: Sequence[float], limits: Limits
+) -> list[NDArray[np.bool_]]:
+    """Return for each arc which echoes (n,) will be hit unless the kart brakes fully now.
 
     A kart need not keep a distance from borders: drivers use all of the track. From people it keeps
     a berth. Who walks towards the way is foreseen by `race_agents.unit.danger`.
     """
-    along, aside = way_along(echoes.x, echoes.y, curvature)
     is_raced = (echoes.kinds == codes.BORDER) | (echoes.kinds == codes.KART_HIT)
-    gap = along - limits.nose - np.where(is_raced, 0.0, limits.stand_off)
+    kept = limits.nose + np.where(is_raced, 0.0, limits.stand_off)
     late_s = 0.5 * limits.reaction_s + np.maximum(echoes.closing, 0.0) / (2.0 * limits.promised)
     time_s = np.where(is_raced, late_s, braking_time(echoes.closing, limits))
     beside = np.where(echoes.may_be_people, limits.berth, np.where(is_raced, -limits.spare, 0.0))
-    ahead = is_on_way(along, aside, beside, curvature, limits) & (echoes.closing > CREEP)
-    return ahead & (gap < echoes.closing * time_s)
+    comes, most = echoes.closing > CREEP, kept + echoes.closing * time_s
+    found = []
+    for curvature in curvatures:
+        along, aside = way_along(echoes.x, echoes.y, curvature)
+        is_near = comes & (along < most)
+        found.append(is_near & is_on_way(along, aside, beside, curvature, limits))
+    return found
 
 
 def watch_obstacles(
@@ -160,7 +176,7 @@ def in_the_way(
     if not len(echoes.x):
         return np.zeros(0, np.bool_)
     is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
-    drives, will = is_in_danger(echoes, now, limits), is_in_danger(echoes, wanted, limits)
+    drives, will = is_in_danger(echoes, (now, wanted), limits)
     is_met = (drives | (will & steers)) & ~is_border
     is_met &= ~is_kart | (drives & will)  # who steers past a kart passes it
     walls = (drives | will) & is_border

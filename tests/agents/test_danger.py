@@ -1,6 +1,7 @@
 """What a kart makes of its echoes: objects, how dangerous they are, and when it brakes."""
 
 import math
+from dataclasses import asdict, fields
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from race_agents.plant.moves import crosses, goes_ahead
 from race_agents.plant.radar import ERRS
 from race_agents.plant.sensors import Sensors
 from race_agents.unit.danger import assess, danger_of, watch_danger, worst_ahead
-from race_agents.unit.drift import Drift
+from race_agents.unit.drift import Arcs, Drift
 from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
@@ -35,6 +36,12 @@ def looked(scans: list[Echoes], speed: float = 10.0) -> Objects:
     for scan in scans:
         objects.look(scan, Ego(speed * SCAN_S, 0.0, 0.0, speed), SCAN_S)
     return objects
+
+
+def test_a_track_in_another_frame_is_the_same_thing() -> None:
+    numbers = dict(zip((each.name for each in fields(Track)), range(12), strict=False))
+    there = Track(**numbers).with_motion(np.ones(4), np.eye(4))
+    assert {**asdict(there), "state": 0, "covariance": 1} == numbers
 
 
 def test_an_echo_that_nothing_confirms_is_no_object() -> None:
@@ -202,7 +209,7 @@ def test_a_kart_that_slides_round_a_bend_does_not_go_where_its_front_wheels_poin
     # of 25 m, and a rear axle that moves aside by 2.5 m/s, or 11 degrees, turns it.
     drift = Drift.of(13.0, slide, -13.0 / 25.0, LIMITS)
     post = echo(15.0 + LIMITS.nose, 1.0, 13.0, codes.OBSTACLE)
-    danger = worst_ahead([], post, 13.0, -1.0 / 25.0, 0.0, LIMITS, drift=drift)
+    danger = worst_ahead([], post, Arcs(13.0, -1.0 / 25.0, 0.0, drift), LIMITS)
     assert danger.stage is stage
 
 

@@ -205,6 +205,24 @@ def test_a_range_by_a_detour_weighs_little_and_one_that_is_absurd_nothing() -> N
     assert moved[2] == 0.0
 
 
+def test_the_first_echo_does_not_carry_off_a_kart_that_is_not_sure_of_its_place() -> None:
+    filtered = KartFilter(10.0, 0.0, 0.0, lever=0.0, heading_deviation=0.01)
+    filtered.covariance = np.diag([1.0, 1.0, *np.full(8, 1e-6)])
+    assert filtered.see_range(0.0, 0.0, 14.4, 0.1)
+    # 4.4 m are over four deviations, and move it no farther than one and a half.
+    assert filtered.state[X] == pytest.approx(11.5, abs=0.02)
+
+
+def test_a_wrong_place_is_doubted_though_each_fifth_range_fits_it() -> None:
+    filtered = KartFilter(0.0, 0.0, 0.0, lever=0.0, heading_deviation=0.01)
+    filtered.covariance = np.diag([0.01, 0.01, *np.full(8, 1e-6)])
+    for _ in range(100):
+        for y in (-100.0, 100.0, -100.0, 100.0):
+            filtered.see_range(0.0, y, abs(3.0 - y), 0.1)
+        assert filtered.see_range(1000.0, 0.0, 1000.0, 0.1)
+    assert filtered.state[Y] == pytest.approx(3.0, abs=0.05)
+
+
 def test_ranges_to_three_beacons_find_a_place() -> None:
     filtered = KartFilter(1.0, 1.0, 0.0, lever=0.0)
     for _ in range(30):

@@ -121,13 +121,24 @@ def test_a_kart_that_stands_ahead_and_tells_so_is_braked_for_without_any_echo() 
     assert unit.alert().danger.stage is DangerStage.FULL
 
 
-def test_a_kart_ahead_is_braked_for_at_once_when_it_tells_that_it_brakes() -> None:
-    unit, now_s = driving(14.0)
-    drives = at(now_s, x=9.0, speed=14.0)
+def test_a_kart_ahead_that_tells_that_it_brakes_is_braked_for_at_once_or_after_two_scans() -> None:
+    for scans in (0, 1, 2):
+        unit, now_s = driving(14.0)
+        drives = at(now_s, x=9.0, speed=14.0)
+        unit.hear_peers((drives,))
+        assert unit.decide(now_s).brake == 0.0
+        unit.hear_peers((replace(drives, braking=7.0),))
+        for scan in [Echoes.nothing()] * scans + [None]:
+            now_s += 0.001
+            unit.sense(Readings(now_s, 14.0, 1e-4, 1e-4, None, None, scan))
+            assert (unit.decide(now_s).brake == 0.0) == (scan is not None)
     unit.hear_peers((drives,))
     assert unit.decide(now_s).brake == 0.0
     unit.hear_peers((replace(drives, braking=7.0),))
-    assert unit.decide(now_s).brake > 0.0
+    for _ in range(3):
+        unit.sense(Readings(now_s, 14.0, 1e-4, 1e-4, None, None, Echoes.nothing()))
+        brake = unit.decide(now_s).brake
+    assert brake > 0.0
 
 
 def test_a_kart_that_brakes_for_a_bend_gives_its_follower_no_warning_yet() -> None:
@@ -203,7 +214,7 @@ def test_with_peers_the_verdict_is_at_least_as_strict_as_without() -> None:
         assert all(map(np.array_equal, tracks, [track.state for track in unit.objects.tracks]))
         assert (unit._is_braking, unit._met, unit._met_s) == after
         seen["stricter"] += both.brake > alone.brake
-        seen["radar brakes beside peers"] += alone.brake > 0.0 and bool(unit.peers)
+        seen["radar brakes beside peers"] += alone.brake > 0.0 and bool(unit.others.peers)
     assert min(seen.values()) > 20, seen
 
 

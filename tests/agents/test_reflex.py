@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from race_agents.unit.control_unit import UNSEEN_S
+from race_agents.unit.drift import Arcs
 from race_agents.unit.fence import CourseFence
 from race_agents.unit.limits import Limits
 from race_agents.unit.safety import (
@@ -192,14 +193,14 @@ def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reac
         np.array([codes.OBSTACLE], "u1"),
     )
     unit.echoes = unit.loose = person
-    assert unit._watch_ahead(0.0, 0.0, 2.0).brake == 1.0
+    assert unit._watch_ahead(Arcs(2.0, 0.0, 0.0)).brake == 1.0
     seen = unit.alert().danger
     assert (seen.stage, seen.kind) == (DangerStage.FULL, RayHit.OBSTACLE)
     assert (seen.distance, seen.bearing, seen.time_s) == pytest.approx((1.0, 0.0, 0.5))
     unit.echoes = unit.loose = Echoes.nothing()
     for later_s, brake in ((0.1, 1.0), (UNSEEN_S - 0.2, 1.0), (0.2, 0.0)):
         unit._time_s += later_s
-        assert unit._watch_ahead(0.0, 0.0, 0.0).brake == brake
+        assert unit._watch_ahead(Arcs(0.0, 0.0, 0.0)).brake == brake
         assert (unit.alert().danger.advice is Advice.WAIT) == (brake == 1.0)
 
 

@@ -69,7 +69,7 @@ class Seen:
         return KartHere(SafetySide(unit, plant, Mailboxes.over(bytearray(Mailboxes.size()))))
 
     def turn(self, onboard: KartProgram, kart: KartHere, now_s: float) -> bool:
-        number, peers = onboard.seat.number, kart.side.unit.peers
+        number, peers = onboard.seat.number, kart.side.unit.others.peers
         self.heard[number] = peers
         self.ages[number] += [now_s - 1e-6 * peer.stamp_us for peer in peers]
         return not self.enough.is_set()
