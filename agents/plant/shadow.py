@@ -94,6 +94,8 @@ class Follower:
     objects: Objects = field(init=False)
     _motion: EgoMotion = field(default_factory=EgoMotion)
     _until: dict[DangerStage, float] = field(default_factory=dict)
+    _speed: float = 0.0  # [m/s] at the last frame
+    _looked_s: float = -math.inf
 
     def __post_init__(self) -> None:
         self.objects = Objects(self.limits.nose)
@@ -117,7 +119,9 @@ class Follower:
         drift = STRAIGHT_ON
         if speed > SLOW:
             drift = Drift.of(speed, slide, float(row["yaw_rate"]), self.limits)
-        arcs = Arcs(speed, now, wanted, drift)
+        lost = max(self._speed - speed, 0.0) / SCAN_S if now_s - self._looked_s < APART_S else 0.0
+        self._speed, self._looked_s = speed, now_s
+        arcs = Arcs(speed, now, wanted, drift, min(lost, self.limits.promised))
         danger = worst_ahead(*sensed, arcs, self.limits)
         if told:
             back = self.vehicle.rear_axle

@@ -37,6 +37,8 @@ BEHIND, SAME, CLEAR = 1.0, 0.025, 2
 # A border goes on between two echoes of it in neighbouring directions, this near [rad]; what lies
 # this near [m] to the line between them may be the border.
 NEIGHBOURS, BESIDE_LINE = 0.16, 0.3
+# … and how far the farther one lies where a border goes on beyond both [m].
+GOES_ON = 2.0
 
 
 class Past(NamedTuple):
@@ -106,6 +108,9 @@ def confirmed(echoes: Echoes, past: Past, tracks: Sequence[Track] = ()) -> Echoe
         return echoes.kept(kept)
     for_thing = was_thing.sum(axis=1) + here[:, THING]
     for_border = (was_border & ~was_thing).sum(axis=1) + here[:, BORDER] + _lies_on_border(echoes)
+    lone = is_thing & (for_border == 0.0) & (for_thing == 1.0)
+    if lone.any():
+        for_border += _continues_border(echoes, lone)
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
     least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
@@ -178,6 +183,26 @@ def _lies_on_border(echoes: Echoes) -> NDArray[np.bool_]:
     off = (echoes.x[things] - x0) * dy - (echoes.y[things] - y0) * dx
     is_on = np.abs(off) < BESIDE_LINE * np.maximum(np.hypot(dx, dy), 1e-6)
     found[things] = is_on & (ways[last] - ways[first] < NEIGHBOURS)
+    return found
+
+
+def _continues_border(echoes: Echoes, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of those asked for (n,) lie on the line of the two nearest echoes of a border.
+
+    So a border goes on beyond the last echo that was taken for it.
+    """
+    found = np.zeros(len(echoes.x), np.bool_)
+    border = np.flatnonzero(echoes.kinds == codes.BORDER)
+    ways = np.arctan2(echoes.y, echoes.x)
+    for number in np.flatnonzero(asked).tolist():
+        beside = border[np.abs(ways[border] - ways[number]) < NEIGHBOURS]
+        if len(beside) < 2:
+            continue
+        x, y = echoes.x[beside] - echoes.x[number], echoes.y[beside] - echoes.y[number]
+        near = np.argsort(np.hypot(x, y))[:2]
+        (x0, x1), (y0, y1) = x[near].tolist(), y[near].tolist()
+        off, length = abs(x0 * y1 - y0 * x1), math.hypot(x1 - x0, y1 - y0)
+        found[number] = off < BESIDE_LINE * length and math.hypot(x1, y1) < GOES_ON
     return found
 
 

@@ -204,7 +204,8 @@ class ControlUnit:
         if speed > ROLLS:  # tyres that slip take a wider way than the wheels point to
             now = self._ego.yaw_rate / speed
         x, y = (float(value) for value in self.fusion.state[[X, Y]])
-        arcs = Arcs(speed, now, will, self._drift(speed))
+        asked = self._driver.brake * self.limits.promised
+        arcs = Arcs(speed, now, will, self._drift(speed), min(asked, self.fusion.slowing))
         ahead, sensed = self._watch_ahead(arcs), self.danger
         told = self._danger_of_peers(arcs, now_s)
         self.danger = max(sensed, told, key=severity_of)

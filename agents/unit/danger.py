@@ -48,7 +48,8 @@ def worst_ahead(tracks: Sequence[Track], loose: Echoes, arcs: Arcs, limits: Limi
     now, wanted = (max(-most, min(each, most)) for each in (arcs.now, arcs.wanted))
     limits, loose = drift.limits(limits), drift.echoes(loose)
     steers = not drift.slides
-    danger = assess(drift.tracks(tracks), speed, now, wanted, limits, steers=steers)
+    there = drift.tracks(tracks)
+    danger = assess(there, speed, now, wanted, limits, steers=steers, braking=arcs.braking)
     if danger.stage is not DangerStage.FULL:
         met = in_the_way(loose, speed, now, wanted, limits, steers=steers)
         if met.any():
@@ -82,16 +83,17 @@ def assess(
     limits: Limits,
     *,
     steers: bool = True,
+    braking: float = 0.0,
 ) -> Danger:
     """Return the worst danger of all objects along the two arcs.
 
     now, wanted: curvatures [1/m] that the kart drives, and that its driver steers to; steers:
-    whether it goes where its front wheels point.
+    whether it goes where its front wheels point; braking: [m/s²] that its driver does already.
     """
     counted = [track for track in tracks if _counts(track)]
     if speed < CREEP or not counted:
         return NO_DANGER
-    ahead = Ahead(counted, speed, (now, wanted), limits)
+    ahead = Ahead(counted, speed, (now, wanted), limits, braking)
     worst, of = NO_MEETING, counted[0]
     for place, track in enumerate(counted):
         is_kart = track.kind == codes.KART_HIT

@@ -79,6 +79,7 @@ class Arcs:
     now: float  # [1/m] curvature, positive to the left
     wanted: float  # [1/m]
     drift: Drift = STRAIGHT_ON
+    braking: float = 0.0  # [m/s²] that the driver asks for and the kart does already
 
 
 @lru_cache(maxsize=2)  # asked twice in a turn: for what the kart sees and for what others tell

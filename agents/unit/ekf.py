@@ -110,19 +110,19 @@ class KartFilter(Corrected):
                 *(SCALE_DEVIATION**2, (COMPLIANCE_SHARE * compliance) ** 2, DELAY_DEVIATION**2),
             ]
         )
-        self._push = 0.0, 0.0  # [m/s²] in the last step
+        self.push = 0.0, 0.0  # [m/s²] in the last step
         self._calm_s = 0.0  # since the last blow
         self._seen: Sighting | None = None  # of the borders, the last one
         self._seen_s = 0.0  # ago
 
     def snapshot(self) -> Snapshot:
         """Return what `restore` brings back; nothing changes these arrays."""
-        seen = self._seen, self._seen_s, self._push
+        seen = self._seen, self._seen_s, self.push
         return self.state, self.covariance, self._refused.copy(), self._calm_s, *seen
 
     def restore(self, snapshot: Snapshot) -> None:
         """Be again what the filter was."""
-        self.state, self.covariance, refused, self._calm_s, seen, seen_s, self._push = snapshot
+        self.state, self.covariance, refused, self._calm_s, seen, seen_s, self.push = snapshot
         self._seen, self._seen_s, self._refused = seen, seen_s, refused.copy()
 
     def predict(
@@ -141,7 +141,7 @@ class KartFilter(Corrected):
         self._seen_s += dt
         slope = jacobian_of(self.state, dt)
         noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
-        ahead, aside = self._push = push or (0.0, 0.0)
+        ahead, aside = self.push = push or (0.0, 0.0)
         half = np.zeros(SIZE)
         half[SPEED], half[SLIDE] = 0.5 * dt * ahead, 0.5 * dt * aside
         state = drive_on(self.state + half, dt) + half
@@ -183,7 +183,7 @@ class KartFilter(Corrected):
         velocity = velocity_of(self.state, self._lever)
         if lag is not None:
             later, unsure = float(self.state[DELAY]) - lag, float(self.covariance[DELAY, DELAY])
-            change = acceleration_of(self.state, self._push, self._lever)
+            change = acceleration_of(self.state, self.push, self._lever)
             residual = residual + velocity * later - 0.5 * (later * later + unsure) * change
             slope[:, DELAY] = later * change - velocity
             noise += 0.5 * unsure * unsure * np.outer(change, change)

@@ -231,6 +231,11 @@ class Estimator:
         return self.filter.deviation
 
     @property
+    def slowing(self) -> float:
+        """By how much the kart slows down [m/s²], as it was felt last; 0 where nothing is felt."""
+        return max(-self.filter.push[0], 0.0)
+
+    @property
     def delay_s(self) -> float:
         """Delay of fixes without a stamp [s], as it was learned."""
         return self.filter.delay_s

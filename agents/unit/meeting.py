@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_agents.unit.foreseen import CREEP, PASSED, TIMES, Foreseen, Movers
-from race_agents.unit.limits import Limits
+from race_agents.unit.limits import RACED, Limits
 from race_agents.unit.safety import STRAIGHT
 from race_agents.unit.track import Track
 from race_server.core import codes
@@ -39,6 +39,9 @@ KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 KEPT = 0.6
 # In this time [s] brakes hold a kart back by less than that.
 FLANK_S = 0.75
+# A driver who brakes with this share of the usual braking has seen what is ahead: no share of what
+# the brakes can do is kept back for him.
+BRAKES = 0.5
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
 SLOWS = 2.0
 
@@ -64,6 +67,7 @@ class Ahead:
     speed: float
     curvatures: Sequence[float]
     limits: Limits
+    braking: float = 0.0  # [m/s²] that the driver does already
 
     def meeting(self, place: int, arc: int) -> Meeting:
         """Return how one object is met along one arc.
@@ -136,9 +140,9 @@ class Ahead:
         foreseen: Foreseen,
         at: tuple[int, int],
         first: int,
-        most: DangerStage = DangerStage.FULL,
+        at_most: DangerStage = DangerStage.FULL,
     ) -> Meeting:
-        """Return how an object is met at a step, -1 for never; `most` at most."""
+        """Return how an object is met at a step, -1 for never; `at_most` is its worst stage."""
         if first < 0:
             return NO_MEETING
         limits, track, drives = self.limits, self.tracks[at[1]], self._drives[at[1]]
@@ -148,15 +152,19 @@ class Ahead:
             pace, room = _behind(track, pace, here, self.speed, limits)
         else:  # it stands, comes, or crosses: the kart stops before the place where they would meet
             pace, room = self.speed, there - limits.nose - limits.stand_off
-        needed = needed_for(pace, room, limits.reaction_s)
+        # Racers brake late, behind others that do so, too: the way until brakes bite is driven
+        # while braking already.
+        needed = needed_for(pace, room, limits.reaction_s, self.braking if drives else 0.0)
         full = limits.promised if drives else limits.braking
         soon = needed_for(pace, room, limits.reaction_s + AHEAD_S) >= full
         if drives:
-            stage = _stage_behind(track, needed, soon=soon, limits=limits)
+            brakes = self.braking >= BRAKES * limits.promised
+            most = limits.promised / RACED if brakes else limits.promised
+            stage = _stage_behind(track, needed, most, soon=soon, limits=limits)
         else:
             stage = _stage(time_s, needed, soon=soon, limits=limits)
-        if stage > most:
-            stage = most
+        if stage > at_most:
+            stage = at_most
         # It comes: brakes take off the smaller part. Or it soon drives into the flank.
         if stage > DangerStage.EASE and track.kind == codes.KART_HIT:
             flank = foreseen.gap.item(*at, first) < -PASSED and time_s < FLANK_S
@@ -195,11 +203,17 @@ def _behind(
     return max(speed - leaves, 0.0), gap
 
 
-def needed_for(pace: float, room: float, after_s: float) -> float:
-    """Return the braking [m/s²] that takes a speed off within a room, begun after some time."""
+def needed_for(pace: float, room: float, after_s: float, braking: float = 0.0) -> float:
+    """Return the braking [m/s²] that takes a speed off within a room, begun after some time.
+
+    braking: [m/s²] that is done until then.
+    """
     if pace < CREEP:
         return 0.0
-    return pace * pace / (2.0 * max(room - pace * after_s, 0.05))
+    then = pace - braking * after_s
+    if then < CREEP:  # what is done already takes it off
+        return pace * pace / (2.0 * max(room, 0.05))
+    return then * then / (2.0 * max(room - 0.5 * (pace + then) * after_s, 0.05))
 
 
 def _stage(time_s: float, needed: float, *, soon: bool, limits: Limits) -> DangerStage:
@@ -211,12 +225,15 @@ def _stage(time_s: float, needed: float, *, soon: bool, limits: Limits) -> Dange
     return DangerStage.WARN if soon or time_s < WARN_S else DangerStage.INFORM
 
 
-def _stage_behind(track: Track, needed: float, *, soon: bool, limits: Limits) -> DangerStage:
+def _stage_behind(
+    track: Track, needed: float, most: float, *, soon: bool, limits: Limits
+) -> DangerStage:
     """Return how far the danger has come that a kart is which drives.
 
-    Racing is close: only braking counts, not time, and what is usual of it.
+    Racing is close: only braking counts, not time, and what is usual of it. most: braking [m/s²]
+    from which on it has to be full.
     """
-    if needed >= limits.promised:
+    if needed >= most:
         return DangerStage.FULL
     if needed >= EASE_SHARE * limits.promised:
         return DangerStage.EASE

@@ -181,6 +181,18 @@ def test_who_closes_in_on_a_kart_that_drives_is_warned_a_second_before_full_brak
     assert warned_s == pytest.approx(0.95, abs=0.01)
 
 
+def test_a_driver_who_brakes_already_is_not_braked_for_on_account_of_the_way_until_brakes_bite() -> (
+    None
+):
+    # 2 m/s faster than the kart 1.2 m ahead, to which 0.6 m are kept: 0.4 m pass until brakes bite.
+    ahead = track_at(1.2, 0.0, vx=8.0, kind=codes.KART_HIT)
+    idle, brakes = (assess([ahead], 10.0, 0.0, 0.0, LIMITS, braking=by) for by in (0.0, 6.0))
+    assert (idle.stage, idle.needed) == (DangerStage.FULL, pytest.approx(2.0**2 / (2.0 * 0.2)))
+    # At 6 m/s² he is 0.8 m/s faster after 0.28 m of the 0.6 m.
+    assert brakes.stage < DangerStage.EASE
+    assert brakes.needed == pytest.approx(0.8**2 / (2.0 * 0.32))
+
+
 @pytest.mark.parametrize(
     ("missed", "stage"), [(0, DangerStage.FULL), (2, DangerStage.FULL), (3, DangerStage.EASE)]
 )

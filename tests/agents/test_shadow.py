@@ -86,13 +86,16 @@ def test_what_was_seen_through_counts_from_where_the_radar_was_then() -> None:
     assert look((6.0, 1.3, closing, codes.OBSTACLE)) == 1
 
 
-def test_what_lies_on_the_line_of_a_wall_is_the_wall_until_it_is_seen_twice_more() -> None:
-    """Two stray echoes, a scan apart, on a wall whose own echoes lie 3 m from one another."""
+@pytest.mark.parametrize("ends", [(7.0, 10.0), (6.6, 7.5)])
+def test_what_lies_on_the_line_of_a_wall_is_the_wall_until_it_is_seen_twice_more(
+    ends: tuple[float, float],
+) -> None:
+    """Two stray echoes, a scan apart, on a wall: between two of its echoes, or 1 m beyond them."""
     stands = Ego(0.0, 0.0, 0.0, 0.0)
 
     def seen(aside: float, scans: int) -> int:
         objects = Objects()
-        x, y = np.array([7.0, 10.0, 8.5]), np.array([1.0, 1.0, aside])
+        x, y = np.array([*ends, 8.5]), np.array([1.0, 1.0, aside])
         kinds = np.array([codes.BORDER, codes.BORDER, codes.OBSTACLE], np.uint8)
         for _ in range(scans):
             objects.look(Echoes(x, y, np.zeros(3), kinds), stands, 0.05)
