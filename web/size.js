@@ -15,6 +15,7 @@ const LATER = [
   { name: 'event', begins: /^EventPanel-/, most: 6 },
   { name: 'protest', begins: /^ProtestForm-/, most: 2 },
   { name: 'stints', begins: /^Stints-/, most: 2 },
+  { name: 'coach', begins: /^CoachWords-/, most: 4 },
 ];
 const folder = new URL('../race_server/live/gateway/page/', import.meta.url).pathname;
 const assets = join(folder, 'assets');

@@ -31,14 +31,20 @@ IS_OF[codes.KART_HIT, KART] = IS_OF[[codes.OBSTACLE, codes.PERSON], PEOPLE] = 1.
 NEAR, ALIKE = 0.7, 2.0
 # Echoes beside it, of the same scan, that confirm one as well.
 BESIDE = 2
+# A lone echo that would be met sooner than this [s] has to be confirmed twice: what is there was
+# seen farther away before, and it is too late for brakes.
+SUDDEN_S = 0.15
+# A person among this many times as many echoes of a kart is a part of it.
+CONFUSED = 10.0
 # A place is seen through where an echo came from this much [m] behind it, at a bearing [rad] this
 # near. Where it was in this number of scans nothing stands yet: two scans have to say that it does.
 BEHIND, SAME, CLEAR = 1.0, 0.025, 2
 # A border goes on between two echoes of it in neighbouring directions, this near [rad]; what lies
 # this near [m] to the line between them may be the border.
 NEIGHBOURS, BESIDE_LINE = 0.16, 0.3
-# … and how far the farther one lies where a border goes on beyond both [m].
-GOES_ON = 2.0
+# A border goes on beyond two echoes of it: so far [m] from the farther one, or from the nearer one
+# as many times as far as they lie apart.
+GOES_ON, AS_FAR = 2.0, 2.0
 
 
 class Past(NamedTuple):
@@ -88,10 +94,13 @@ def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
     )
 
 
-def confirmed(echoes: Echoes, past: Past, tracks: Sequence[Track] = ()) -> Echoes:
-    """Return those echoes that others confirm. tracks: where something is known to be.
+def confirmed(
+    echoes: Echoes, past: Past, tracks: Sequence[Track] = (), radar: float = 0.0
+) -> Echoes:
+    """Return those echoes that others confirm.
 
-    One whose kind few others confirm is of the kind of those that lie around it.
+    tracks: where something is known to be; radar: [m] that the radar is ahead of the rear axle. One
+    whose kind few others confirm is of the kind of those that lie around it.
     """
     if len(echoes.x) == 0:
         return echoes
@@ -111,6 +120,7 @@ def confirmed(echoes: Echoes, past: Past, tracks: Sequence[Track] = ()) -> Echoe
     lone = is_thing & (for_border == 0.0) & (for_thing == 1.0)
     if lone.any():
         for_border += _continues_border(echoes, lone)
+        kept &= ~(lone & (np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing))
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
     least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
@@ -202,7 +212,8 @@ def _continues_border(echoes: Echoes, asked: NDArray[np.bool_]) -> NDArray[np.bo
         near = np.argsort(np.hypot(x, y))[:2]
         (x0, x1), (y0, y1) = x[near].tolist(), y[near].tolist()
         off, length = abs(x0 * y1 - y0 * x1), math.hypot(x1 - x0, y1 - y0)
-        found[number] = off < BESIDE_LINE * length and math.hypot(x1, y1) < GOES_ON
+        is_near = math.hypot(x1, y1) < GOES_ON or math.hypot(x0, y0) < AS_FAR * length
+        found[number] = off < BESIDE_LINE * length and is_near
     return found
 
 
@@ -211,7 +222,8 @@ def _outvoted(
 ) -> NDArray[np.uint8]:
     """Return kinds (n,): a kart among people, or a person among karts, is one of the others.
 
-    What was taken for a person before, too, is one: a child who comes from behind a kart.
+    What was taken for a person before, too, is one: a child who comes from behind a kart. But of
+    that number of a kart's echoes a few are mistaken again and again.
 
     here, before: (n, 4) echoes near each in this scan, and in earlier ones.
     """
@@ -219,7 +231,8 @@ def _outvoted(
     karts, others = here[:, KART] + before[:, KART], here[:, PEOPLE] + people
     # Without any other of its kind one among karts is enough: a stray echo is confirmed by those.
     few = karts > np.where(others == 0.0, 0.0, others + 1.0)
-    is_alone = echoes.may_be_people & (people == 0.0) & few
+    few = few & (people == 0.0) | (karts >= CONFUSED * (others + 1.0))
+    is_alone = echoes.may_be_people & few
     kinds = np.where(is_alone, codes.KART_HIT, echoes.kinds)
     is_kart = echoes.kinds == codes.KART_HIT
     return np.where(is_kart & (others > karts + 1.0), codes.OBSTACLE, kinds).astype(np.uint8)

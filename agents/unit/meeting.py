@@ -37,8 +37,9 @@ MOST_WALKED = 2.0
 KNOWN, WALK, MOST_STEP = 6, 1.4, 0.9
 # That much room [m] is left to a kart ahead when the kart is as slow as it.
 KEPT = 0.6
-# In this time [s] brakes hold a kart back by less than that.
-FLANK_S = 0.75
+# In this time [s] brakes hold a kart back by less than that. A kart beside that comes over more
+# slowly than this [m/s] keeps its lane, as far as a radar can tell.
+FLANK_S, SIDLES = 0.75, 1.0
 # A driver who brakes with this share of the usual braking has seen what is ahead: no share of what
 # the brakes can do is kept back for him.
 BRAKES = 0.5
@@ -146,7 +147,8 @@ class Ahead:
         if first < 0:
             return NO_MEETING
         limits, track, drives = self.limits, self.tracks[at[1]], self._drives[at[1]]
-        time_s, there = float(TIMES[first]), foreseen.along.item(*at, first)
+        time_s = float(TIMES[first])
+        there, aside = foreseen.along.item(*at, first), foreseen.aside.item(*at, first)
         if drives:
             here, pace = foreseen.along.item(*at, 0), foreseen.pace.item(at)
             pace, room = _behind(track, pace, here, self.speed, limits)
@@ -167,9 +169,11 @@ class Ahead:
             stage = at_most
         # It comes: brakes take off the smaller part. Or it soon drives into the flank.
         if stage > DangerStage.EASE and track.kind == codes.KART_HIT:
-            flank = foreseen.gap.item(*at, first) < -PASSED and time_s < FLANK_S
+            over = abs(aside - foreseen.aside.item(*at, 0))  # how far it comes over until then
+            flank = foreseen.gap.item(*at, first) < -PASSED
+            flank &= time_s < FLANK_S or over < SIDLES * time_s
             stage = DangerStage.EASE if flank or track.leaves < -self.speed else stage
-        return Meeting(stage, needed, time_s, foreseen.aside.item(*at, first))
+        return Meeting(stage, needed, time_s, aside)
 
 
 def _margin(

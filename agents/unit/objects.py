@@ -54,7 +54,7 @@ class Objects:
         self._past = self._past.carried(ego, dt)
         for track in self.tracks:
             carry(track, ego, dt)
-        self.seen = confirmed(echoes, self._past, self.tracks)
+        self.seen = confirmed(echoes, self._past, self.tracks, self.radar)
         self._past = self._past.with_scan(echoes, self.radar)
         things = self.seen.without_borders()
         for group in groups_of(things):

@@ -21,6 +21,8 @@ SHARES, FIRST = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0), (0.25, 0.5)
 BRAKED = (0.0, 0.5)
 # The front of the body [m] that must not meet anything, and its poses that are looked at on a way.
 FRONT, POSES = 1.2, 16
+# Racers pass a border closer than an echo of it is exact: that far [m] it may be nearer.
+GRAZE = 0.05
 _TRIES = [(one, two, first) for first in FIRST for one in SHARES for two in SHARES]
 _ONE, _TWO, _FIRST = (np.array(column)[:, None] for column in zip(*_TRIES, strict=True))
 
@@ -57,6 +59,6 @@ def _is_free(
     cos, sin = np.cos(turned)[..., None], np.sin(turned)[..., None]
     dx, dy = x - east[..., None], y - north[..., None]  # (M, S, n)
     ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
-    half = limits.half_width - limits.spare
+    half = limits.half_width - limits.spare - GRAZE
     met = (np.abs(ahead - limits.nose + 0.5 * FRONT) < 0.5 * FRONT) & (np.abs(aside) < half)
     return bool((met.any(axis=1).sum(axis=1) < BLOCKS).any())

@@ -21,6 +21,8 @@ OUTLINE = 0.5  # [m] by which the middle of the echoes of a kart moves about
 # How much a person and a kart change their speed [m/s in √s].
 RESTLESS, DRIVEN = 0.7, 2.0
 FIRST_SPEED = 3.0  # [m/s] deviation of what a thing may do when it is first seen
+# A speed along the ray that is off by this number of deviations was changed by a blow.
+HIT, UNKNOWN_SPEED = 4.0, np.diag([0.0, 0.0, FIRST_SPEED**2, FIRST_SPEED**2])
 # What moves away more slowly than this [m/s] stands.
 STANDS = 1.0
 # The share of a new figure in the two smoothed ones of how much a thing slows down.
@@ -121,14 +123,19 @@ def carry(track: Track, ego: Ego, dt: float) -> None:
 def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
     """Correct a track by a place (2,) [m] and a speed over ground along a ray [m/s].
 
-    What is off along the ray, across it, and in speed are three numbers that err by themselves.
+    What is off along the ray, across it, and in speed are three numbers that err by themselves. A
+    thing whose speed is far from what was expected was hit: how it moves now is not known.
     """
     cos, sin = ray.tolist()
     across = across_of(math.hypot(*place), track.kind)
+    moves = np.array([0.0, 0.0, cos, sin])
+    off, spread = doppler - float(moves @ track.state), float(moves @ track.covariance @ moves)
+    if off * off > HIT * HIT * (spread + DOPPLER * DOPPLER):
+        track.covariance = track.covariance + UNKNOWN_SPEED
     for row, told, deviation in (
         (np.array([cos, sin, 0.0, 0.0]), cos * place[0] + sin * place[1], PLACE),
         (np.array([-sin, cos, 0.0, 0.0]), cos * place[1] - sin * place[0], across),
-        (np.array([0.0, 0.0, cos, sin]), doppler, DOPPLER),
+        (moves, doppler, DOPPLER),
     ):
         shared = track.covariance @ row
         spread = float(row @ shared) + deviation**2

@@ -49,6 +49,12 @@ def coach(
     cues: Annotated[
         bool, typer.Option("--cues", help="With --live: also say what to do before each place.")
     ] = False,
+    tell: Annotated[
+        bool,
+        typer.Option(
+            "--tell", help="With --live: tell drivers on their pages, too; needs a steward's keys."
+        ),
+    ] = False,
     connect: Connect = "",
     session: SessionName = "",
     keys: KeysFolder = None,
@@ -76,13 +82,14 @@ def coach(
             if live
             else "name a recording or a driver, or coach the race that is on with --live"
         )
-    if cues and not live:
-        raise ScenarioError("--cues are of a race that is on: add --live")
+    if (cues or tell) and not live:
+        raise ScenarioError(f"--{'cues' if cues else 'tell'} is of a race that is on: add --live")
     if live:
         from race_server.cli.coach_live import coach_race
 
         given = access(keys, connect, session)
-        lessons = coach_race(given, only, with_cues=cues, console=console if as_json else Console())
+        shown = console if as_json else Console()
+        lessons = coach_race(given, only, with_cues=cues, tells=tell, console=shown)
     else:
         lessons = _lessons(source, track, vehicle, laps, seed, only, console)
     if as_json:

@@ -23,11 +23,12 @@ LOOK_S, LATE_S = 0.05, 0.5
 
 
 def coach_race(
-    given: Access, only: str, *, with_cues: bool, console: Console
+    given: Access, only: str, *, with_cues: bool, tells: bool, console: Console
 ) -> "dict[int, Lesson]":
     """Coach the drivers of a race until it ends; return what it taught them, by seat.
 
-    only: one of them, by name. Where the server stops before the end, what was seen counts.
+    only: one of them, by name; tells: also tell them where they drive. Where the server stops
+    before the end, what was seen counts.
 
     Raises:
         RaceError: the server does not answer, its course or vehicles are not known here, or no
@@ -36,6 +37,8 @@ def coach_race(
     from race_server.competition.live_coach import LiveCoach
     from race_server.live.client.timing import ClientTiming
     from race_server.net.transport import ClientLink
+    from race_server.net.wire import topics
+    from race_server.net.wire.hint import encode_hint
 
     timeout_s = ClientTiming().spectator_timeout_s
     with ClientLink(given.address, given.session, keys=given.keys) as link:
@@ -45,7 +48,12 @@ def coach_race(
         try:
             with console.status("listening", spinner="dots"):
                 for said in _told(live, timeout_s):
-                    if said.driver == (only or said.driver) and (with_cues or said.lap):
+                    if said.driver != (only or said.driver):
+                        continue
+                    if tells:
+                        hint = encode_hint(max(live.race.view.epoch, 0), said.hint)
+                        link.tell(topics.COACH, hint, said.seat)
+                    if with_cues or not said.hint.is_cue:
                         console.print(_line_of(said), soft_wrap=True)
         except (LinkError, KeyboardInterrupt) as error:
             if not live.race.has_laps:
@@ -124,10 +132,11 @@ def _plain(name: str) -> str:
 
 def _line_of(said: "Said") -> Text:
     """Return what is said as a line of the terminal."""
-    if not said.lap:
-        return Text(f"{said.driver}: {said.words} ({said.corner})", style="bold cyan")
-    line = Text(f"{said.driver}, lap {said.lap}: {lap_text(said.time_us)}")
-    if said.behind_us is None:
+    hint = said.hint
+    if hint.is_cue:
+        return Text(f"{said.driver}: {said.words} ({hint.corner})", style="bold cyan")
+    line = Text(f"{said.driver}, lap {hint.lap}: {lap_text(hint.time_us)}")
+    if hint.behind_us is None:
         return line.append(f", not compared: {said.words}", style="dim")
-    line.append(f", {said.behind_us / MICROSECONDS:+.3f} s to the limit. ")
+    line.append(f", {hint.behind_us / MICROSECONDS:+.3f} s to the limit. ")
     return line.append(said.words or "No fault is seen.", style="bold")

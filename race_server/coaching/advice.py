@@ -48,8 +48,7 @@ class Tip:
         """What to try."""
         corner = self.corner
         words = (_TRY if corner.is_braked else _TRY_UNBRAKED)[self.kind]
-        reach = corner.apex - corner.brake
-        return f"{corner.name}: " + words.format(size=self.size, brake=reach)
+        return f"{corner.name}: " + words.format(size=self.size, brake=corner.reach)
 
 
 def tips_for(laps: Sequence[Sequence[Fault]]) -> tuple[Tip, ...]:

@@ -35,6 +35,11 @@ class Corner:
     side: int  # 1 to the left, -1 to the right
     is_braked: bool = True  # False: the lap lifts at most
 
+    @property
+    def reach(self) -> float:
+        """How far before the apex the lap begins to brake [m]."""
+        return self.apex - self.brake
+
 
 def corners_of(lap: Lap) -> tuple[Corner, ...]:
     """Return the corners of a course as a lap takes them, T1 first; none where it never slows.

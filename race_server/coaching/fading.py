@@ -5,7 +5,8 @@ Drivers follow constant help and forget it: feedback only outside a band kept be
 better only while a visual guide was on (van Leeuwen et al., 2011).
 """
 
-from dataclasses import dataclass
+from collections.abc import Container, Iterable
+from dataclasses import dataclass, field
 from enum import Enum
 
 # After this number of laps inside the band in a row help for a corner is withdrawn, after this
@@ -47,3 +48,24 @@ def after_lap(
     if now.help is Help.GIVEN:
         return Attention(Help.WITHDRAWN) if laps >= withdrawn_after else Attention(now.help, laps)
     return Attention(Help.GIVEN) if laps >= RETURNS_AFTER else Attention(now.help, laps)
+
+
+@dataclass
+class Fading:
+    """The help for all corners of one driver."""
+
+    withdrawn_after: int = WITHDRAWN_AFTER
+    _corners: dict[str, Attention] = field(default_factory=dict)
+
+    def take(self, corners: Iterable[str], faulty: Container[str]) -> None:
+        """Take a lap. corners: names of those that were driven; faulty: … with a fault."""
+        for corner in corners:
+            self._corners[corner] = after_lap(
+                self._corners.get(corner, Attention()),
+                is_inside=corner not in faulty,
+                withdrawn_after=self.withdrawn_after,
+            )
+
+    def helps(self, corner: str) -> bool:
+        """Return whether help is given in a corner in the next lap."""
+        return self._corners.get(corner, Attention()).help is Help.GIVEN

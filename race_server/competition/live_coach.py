@@ -4,14 +4,19 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 from race_server.coaching.advice import tips_for
+from race_server.coaching.corners import Corner
 from race_server.coaching.cues import Cue, Moment, cues_for, due
+from race_server.coaching.fading import DRIVEN_AFTER, Fading
+from race_server.coaching.faults import Fault, FaultKind
 from race_server.coaching.lap import Lap, lap_on, with_pedals_felt
 from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition.live_laps import Glance, LiveLaps, SeenLap
+from race_server.core.hint import Hint, HintKind
 from race_server.core.messages import Phase
 from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
@@ -27,12 +32,10 @@ MOST_EVENTS = 4096
 class Said:
     """What the coach says to a driver: of a lap that ended, or a cue on the way."""
 
+    seat: int
     driver: str
     words: str  # what to try, or why the lap is not compared; empty where nothing was wrong
-    lap: int = 0  # of a lap: its number
-    time_us: int = 0  # of a lap
-    behind_us: int | None = None  # … what it is behind the limit; None where it is not compared
-    corner: str = ""  # of a cue
+    hint: Hint  # the same as figures
 
 
 @dataclass(eq=False)
@@ -42,6 +45,10 @@ class _Pupil:
     name: str
     laps: list[tuple[int, Lap, str]] = field(default_factory=list)
     best: Lap | None = None
+    # Help by words, and by a kart that brakes and accelerates: each is withdrawn in its own time.
+    told: Fading = field(default_factory=Fading)
+    driven: Fading = field(default_factory=partial(Fading, DRIVEN_AFTER))
+    faults: dict[str, Fault] = field(default_factory=dict)  # the last one of each corner
     cues: tuple[Cue, ...] = ()
     progress: float = 0.0  # [m] at the last glance
     said: set[str] = field(default_factory=set)  # corners with a cue in this lap
@@ -113,20 +120,31 @@ class RaceCoach:
         felt = lap_on(coach.course, f"lap {seen.number}", seen.lap.time_us, seen.lap.columns)
         lap = with_pedals_felt(felt, coach.bounds)
         pupil.laps.append((seen.number, lap, seen.reason))
+        hint = Hint(lap=seen.number, time_us=lap.time_us, reason=seen.reason)
         if seen.reason:
-            return Said(pupil.name, seen.reason, seen.number, lap.time_us)
+            hint = replace(hint, helped=_helped(coach, pupil))
+            return Said(seen.seat, pupil.name, seen.reason, hint)
         if pupil.best is None or lap.time_us < pupil.best.time_us:
             pupil.best = lap
         studied = coach.study(seen.number, lap, pupil.best)
-        pupil.cues = cues_for(studied.faults)
+        faults = {one.corner.name: one for one in sorted(studied.faults, key=_cost_of)}
+        corners = [corner.name for corner in coach.corners]
+        for fading in (pupil.told, pupil.driven):
+            fading.take(corners, faults)
+        pupil.faults |= faults
+        pupil.cues = cues_for([pupil.faults[name] for name in corners if pupil.told.helps(name)])
         tips = tips_for([studied.faults])
-        words = tips[0].words if tips else ""
         behind_us = lap.time_us - coach.limit.time_us
-        return Said(pupil.name, words, seen.number, lap.time_us, behind_us)
+        hint = replace(hint, behind_us=behind_us, helped=_helped(coach, pupil))
+        if not tips:
+            return Said(seen.seat, pupil.name, "", hint)
+        tip = tips[0]
+        hint = replace(hint, **_figures_of(tip.kind, tip.corner), size=tip.size)
+        return Said(seen.seat, pupil.name, tip.words, hint)
 
     def _cue(self, glance: Glance) -> Iterator[Said]:
-        pupil = self._pupil(glance.seat)
-        if glance.progress < pupil.progress - 0.5 * self._coach_of(glance.seat).course.length:
+        coach, pupil = self._coach_of(glance.seat), self._pupil(glance.seat)
+        if glance.progress < pupil.progress - 0.5 * coach.course.length:
             pupil.said.clear()  # another lap
         pupil.progress = glance.progress
         if pupil.best is None:
@@ -144,7 +162,29 @@ class RaceCoach:
         if cue is not None:
             pupil.said.add(cue.corner)
             pupil.spoken_s = glance.seconds
-            yield Said(pupil.name, cue.words, corner=cue.corner)
+            corner = pupil.faults[cue.corner].corner
+            hint = Hint(**_figures_of(cue.kind, corner), helped=_helped(coach, pupil))
+            yield Said(glance.seat, pupil.name, cue.words, hint)
+
+
+def _cost_of(fault: Fault) -> int:
+    return fault.cost_us
+
+
+def _figures_of(kind: FaultKind, corner: Corner) -> dict[str, Any]:
+    """Return what a hint tells of a fault."""
+    reach = corner.reach if corner.is_braked else 0.0
+    return {"kind": HintKind[kind.name], "corner": corner.name, "reach": reach}
+
+
+def _helped(coach: Coach, pupil: _Pupil) -> tuple[tuple[float, float], ...]:
+    """Return the stretches in which a kart that helps by itself does so, from and to [m]."""
+    length = coach.course.length
+    return tuple(
+        (corner.begin % length, corner.end % length)
+        for corner in coach.corners
+        if pupil.driven.helps(corner.name)
+    )
 
 
 class LiveCoach:

@@ -181,9 +181,7 @@ def test_who_closes_in_on_a_kart_that_drives_is_warned_a_second_before_full_brak
     assert warned_s == pytest.approx(0.95, abs=0.01)
 
 
-def test_a_driver_who_brakes_already_is_not_braked_for_on_account_of_the_way_until_brakes_bite() -> (
-    None
-):
+def test_for_a_driver_who_brakes_already_no_way_is_lost_until_brakes_bite() -> None:
     # 2 m/s faster than the kart 1.2 m ahead, to which 0.6 m are kept: 0.4 m pass until brakes bite.
     ahead = track_at(1.2, 0.0, vx=8.0, kind=codes.KART_HIT)
     idle, brakes = (assess([ahead], 10.0, 0.0, 0.0, LIMITS, braking=by) for by in (0.0, 6.0))

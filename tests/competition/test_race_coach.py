@@ -75,9 +75,10 @@ def raced(coach: Coach, slower: float = 0.0) -> tuple[RaceCoach, list[Said]]:
 
 def test_who_drives_the_limit_is_told_that_nothing_was_wrong(coach: Coach) -> None:
     race, (first, second) = raced(coach)
-    assert (first.driver, first.lap, first.words) == ("Ada", 1, "from the start")
-    assert (second.driver, second.lap, second.words) == ("Ada", 2, "")
-    assert second.behind_us == pytest.approx(0, abs=1000)
+    assert (first.driver, first.hint.lap, first.words) == ("Ada", 1, "from the start")
+    assert (second.driver, second.hint.lap, second.words) == ("Ada", 2, "")
+    assert (first.hint.behind_us, first.hint.reason) == (None, "from the start")
+    assert second.hint.behind_us == pytest.approx(0, abs=1000)
     assert not race.is_over
 
 

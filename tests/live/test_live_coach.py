@@ -17,7 +17,9 @@ from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import RaceError, ScenarioError
 from race_server.live.client.driver import run_driver
 from race_server.live.server import LOCKSTEP, RaceServer
-from race_server.net.transport import ServerLink
+from race_server.net.transport import ClientLink, ServerLink
+from race_server.net.wire import topics
+from race_server.net.wire.hint import decode_hint
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import reference_line
 from race_server.scenario.track.load import load_course
@@ -41,6 +43,8 @@ def test_a_driver_of_a_race_is_told_the_same_as_alone_though_no_pedal_is_seen(
     session = Session("race", Scenario(course, 1, (vehicle,), rules, line=line))
     listens, ask = threading.Event(), LiveCoach.ask
 
+    heard: list[bytes] = []
+
     def noted(coach: LiveCoach) -> None:
         ask(coach)
         listens.set()
@@ -49,7 +53,9 @@ def test_a_driver_of_a_race_is_told_the_same_as_alone_though_no_pedal_is_seen(
     with (
         ServerLink(free_address(), "race", 1) as link,
         running(RaceServer(session, link, LOCKSTEP), 1) as live,
+        ClientLink(live.address, "race") as page,
     ):
+        page.listen(topics.COACH, heard.append, 0)
 
         def drive() -> None:
             assert listens.wait(60.0)
@@ -57,7 +63,7 @@ def test_a_driver_of_a_race_is_told_the_same_as_alone_though_no_pedal_is_seen(
 
         driver = threading.Thread(target=drive)
         driver.start()
-        told = coached("--live", "--connect", live.address, "--json")
+        told = coached("--live", "--tell", "--connect", live.address, "--json")
         driver.join(60.0)
     assert told.exit_code == 0, told.output
     assert "Ada, lap 1" in told.stderr
@@ -68,6 +74,13 @@ def test_a_driver_of_a_race_is_told_the_same_as_alone_though_no_pedal_is_seen(
     kinds = [(tip["corner"], tip["fault"]) for tip in lesson["tips"]]
     assert set(kinds) & {(row["corner"], row["fault"]) for row in alone["corners"]}
     assert [lap["not_compared"] for lap in lesson["laps"]] == ["from the start", "", ""]
+    hints = [decode_hint(data)[1] for data in heard]
+    laps = [hint for hint in hints if not hint.is_cue]
+    assert [(hint.lap, hint.reason) for hint in laps] == [(1, "from the start"), (2, ""), (3, "")]
+    assert laps[2].behind_us is not None
+    assert {hint.corner for hint in hints if hint.is_cue} <= {
+        row["corner"] for row in alone["corners"]
+    }
 
 
 def test_a_race_on_a_course_that_is_not_known_here_is_refused() -> None:
@@ -80,7 +93,7 @@ def test_a_race_on_a_course_that_is_not_known_here_is_refused() -> None:
     assert "ring" in str(told.exception)
 
 
-@pytest.mark.parametrize("words", [(), ("raceline", "--live")])
+@pytest.mark.parametrize("words", [(), ("raceline", "--live"), ("raceline", "--tell")])
 def test_a_coach_has_one_source(words: tuple[str, ...]) -> None:
     told = coached(*words)
     assert isinstance(told.exception, ScenarioError)

@@ -8,6 +8,10 @@ from typing import Any
 import pytest
 
 from race_server.competition.launch import free_address
+from race_server.core.hint import Hint, HintKind
+from race_server.net.transport import ClientLink
+from race_server.net.wire import topics
+from race_server.net.wire.hint import encode_hint
 from support.chromium import NEEDS_CHROMIUM, TURN_S, KeyDriver, Page, Stage, chromium
 from support.courses import ring
 from support.served_race import gated, racing, record_race, wait_for_race
@@ -103,6 +107,20 @@ def test_a_page_that_is_loaded_again_has_its_seat_back(driving: Page) -> None:
     driving.reload()
     driving.get_by_test_id("speed").wait_for()
     drive_by_keys(driving, lambda: karts(driving)[OWN]["speed"] > 1.0, timeout_s=90.0)
+
+
+def test_a_driver_reads_what_its_coach_says_and_nobody_else_does(
+    stage: Stage, driving: Page, watching: Page
+) -> None:
+    cue = Hint(kind=HintKind.EARLY_BRAKES, corner="T2", size=4.0, reach=9.0)
+    lap = Hint(2, 31_250_000, 1_500_000, "", HintKind.SLOW_BEND, "T2", 1.5, 9.0, ((0.0, 5.0),))
+    words = driving.get_by_test_id("coach")
+    with ClientLink(stage.served.address, "race") as coach:
+        for hint, said in ((lap, "T2: carry 5.4 km/h more through the bend"), (cue, "brake later")):
+            coach.tell(topics.COACH, encode_hint(1, hint), OWN)
+            words.get_by_text(said).wait_for()
+    assert words.get_by_text("Lap 2: 31.250, +1.50 s to the limit").count() == 1
+    assert watching.get_by_test_id("coach").count() == 0
 
 
 def test_eight_karts_move(watching: Page, driving: Page) -> None:

@@ -46,6 +46,22 @@ def test_a_spectator_sends_nothing_and_asks_for_no_seat() -> None:
     assert not [key for key in allowed["ask"] if "join" in key or "admin" in key]
 
 
+def test_a_coach_has_the_keys_of_a_steward_and_a_driver_hears_only_its_own_words() -> None:
+    coaches = {role.name: keys_allowed("cup", role) for role in roles_of(2)}
+    sends = {name: kinds.get("send", []) for name, kinds in coaches.items()}
+    assert [name for name, keys in sends.items() if "race/cup/coach/*" in keys] == ["steward"]
+    assert not [key for name in sends if name != "steward" for key in sends[name] if "coach" in key]
+    hears = {
+        name: [key for key in kinds["hear"] if "coach" in key] for name, kinds in coaches.items()
+    }
+    assert hears == {
+        "seat-0": ["race/cup/coach/0"],
+        "seat-1": ["race/cup/coach/1"],
+        "spectator": [],
+        "steward": [],
+    }
+
+
 def test_only_the_steward_may_ask_for_what_is_the_stewards() -> None:
     asks = {role.name: keys_allowed("cup", role)["ask"] for role in roles_of(2)}
     assert [name for name, keys in asks.items() if "race/cup/admin/act" in keys] == ["steward"]

@@ -5,14 +5,14 @@ from enum import IntEnum, IntFlag
 
 import pytest
 
-from race_server.core import alert, codes, messages, telemetry
+from race_server.core import alert, codes, hint, messages, telemetry
 from race_server.net.wire.generate import PACKAGE, TARGET
 from race_server.session.failsafe import FailsafeStage
 from race_server.session.interventions import InterventionKind
 
 PYTHON: dict[str, type[IntEnum] | type[IntFlag]] = {
     name: enumeration
-    for module in (messages, alert, telemetry)
+    for module in (messages, alert, telemetry, hint)
     for name, enumeration in vars(module).items()
     if isinstance(enumeration, type)
     and issubclass(enumeration, IntEnum | IntFlag)

@@ -18,6 +18,7 @@ from race_server.net.wire import alert as alerts
 from race_server.net.wire import (
     drive,
     ghosts,
+    hint,
     line,
     links,
     lobby,
@@ -34,6 +35,7 @@ from support.messages import (
     COURSE,
     EVENTS,
     GHOST,
+    HINT,
     HUD,
     LINE,
     LINKS,
@@ -68,6 +70,7 @@ MESSAGES = [
     (parking.decode_lot, parking.encode_lot(LOT)),
     (parking.decode_order, parking.encode_order(ORDER)),
     (peer.decode_peer, peer.encode_peer(PEER)),
+    (hint.decode_hint, hint.encode_hint(4, HINT)),
     (decode_rays, rays.encode_rays(RAYS)),
     (programme.decode_programme, programme.encode_programme(PROGRAMME)),
     (ghosts.decode_ghosts, ghosts.encode_ghosts(4, (GHOST,))),

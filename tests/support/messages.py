@@ -6,6 +6,7 @@ import numpy as np
 
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.driver import Briefing
+from race_server.core.hint import Hint, HintKind
 from race_server.core.level import Level
 from race_server.core.messages import (
     Cleanness,
@@ -76,6 +77,12 @@ TELEMETRY = Telemetry(
 # Numbers that 32 bits hold: a kart that brakes, and answers the clock of seat 3.
 PEER = PeerFrame(
     4, Peer(99, 1.0, 2.0, 0.5, 3.0, 0.25, -0.5, 6.5, 0.125, 0.0625, 2.0, 1.25), 3, 1 << 40
+)
+
+# Of a lap, and help for two corners, of which the timing line lies in one.
+HINT = Hint(
+    *(3, 31_250_000, 1_500_000, "", HintKind.EARLY_BRAKES, "T4"),
+    *(6.5, 12.0, ((20.0, 64.5), (380.0, 4.0))),
 )
 
 EVENTS = [

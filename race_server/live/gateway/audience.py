@@ -15,6 +15,7 @@ from race_server.live.gateway.limits import GatewayLimits
 SNAPSHOT, STANDINGS, LINKS, LOT, ALERTS = "snapshot", "standings", "links", "lot", "alerts"
 TELEMETRY, PROGRAMME, GHOSTS = "telemetry", "programme", "ghosts"
 RAYS, HUD, OWN_POSE, OWN_ALERT, POSITION = "rays", "hud", "own pose", "own alert", "position"
+HINT = "hint"
 
 
 class FrameSink(Protocol):

@@ -5,20 +5,22 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 
 from race_server.errors import GatewayError, KeysError, RaceError, WireError
-from race_server.live.gateway.audience import HUD, OWN_ALERT, OWN_POSE, Outbox
+from race_server.live.gateway.audience import HINT, HUD, OWN_ALERT, OWN_POSE, Outbox
 from race_server.live.gateway.frames import frame_of
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.alert import decode_alert
 from race_server.net.wire.drive import decode_hud
+from race_server.net.wire.hint import decode_hint
 from race_server.net.wire.pose import decode_pose
 from race_server.net.wire.topics import Topic
 
 Connect = Callable[[], ClientLink]
 # What comes from the race, and from the kart's own program; how each is named and checked.
-OF_RACE, OF_KART = (topics.HUD,), (topics.OWN_POSE, topics.OWN_ALERT)
+OF_RACE, OF_KART = (topics.HUD, topics.COACH), (topics.OWN_POSE, topics.OWN_ALERT)
 _KINDS: dict[Topic, tuple[str, Callable[[bytes], object]]] = {
     topics.HUD: (HUD, decode_hud),
+    topics.COACH: (HINT, decode_hint),
     topics.OWN_POSE: (OWN_POSE, decode_pose),
     topics.OWN_ALERT: (OWN_ALERT, decode_alert),
 }

@@ -17,13 +17,14 @@ from race_server.errors import (
     WireError,
 )
 from race_server.live.client.seat import ClientSeat, take_seat
-from race_server.live.gateway.audience import HUD, Outbox
+from race_server.live.gateway.audience import HINT, HUD, Outbox
 from race_server.live.gateway.frames import frame_of, notice_frame
 from race_server.live.gateway.limits import GatewayTiming
 from race_server.live.gateway.live import Moment
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.drive import decode_control, decode_hud
+from race_server.net.wire.hint import decode_hint
 from race_server.net.wire.lobby import Join, encode_welcome
 
 Answer = TypeVar("Answer")
@@ -152,7 +153,11 @@ class DriverSeat:
         link = self._connect(wanted)
         try:
             seat = take_seat(link, Join(name, PRESET, wanted))
-            link.listen(topics.HUD, self._receive_hud, seat.number)
+            for topic, publish in (
+                (topics.HUD, self._publish_hud),
+                (topics.COACH, self._publish_hint),
+            ):
+                link.listen(topic, partial(self._pass_on, publish), seat.number)
         except BaseException:
             link.close()
             raise
@@ -197,10 +202,10 @@ class DriverSeat:
         if seat is not None:
             await self._run_in_pool(partial(_leave, seat))
 
-    def _receive_hud(self, data: bytes) -> None:
-        """Pass heads-up data to the event loop; called by a thread of zenoh."""
+    def _pass_on(self, publish: Callable[[bytes], None], data: bytes) -> None:
+        """Pass a message to the event loop; called by a thread of zenoh."""
         if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._publish_hud, data)
+            self._loop.call_soon_threadsafe(publish, data)
 
     def _publish_hud(self, data: bytes) -> None:
         try:
@@ -210,6 +215,14 @@ class DriverSeat:
         self._moment, self._hud_at = (hud.epoch, hud.tick), time.monotonic()
         if self.driver is not None:
             self.driver.outbox.send_newest(HUD, frame_of(data))
+
+    def _publish_hint(self, data: bytes) -> None:
+        try:
+            decode_hint(data)
+        except WireError:
+            return
+        if self.driver is not None:
+            self.driver.outbox.send_newest(HINT, frame_of(data))
 
     # Timeouts
 

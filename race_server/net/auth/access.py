@@ -60,8 +60,12 @@ def keys_allowed(session: str, role: Role) -> dict[str, list[str]]:
     """Return the keys that a role is allowed, by kind of rule."""
     allowed: dict[str, list[str]] = {kind: [] for kind in _KINDS}
     for topic in TOPICS:
+        seat = role.seat if topic.is_seats else -1
+        if topic.direction == "coach" and role.is_steward:
+            for kind in ("send", "be wanted"):
+                allowed[kind].append(key_of(topic, session, EVERY))
         for kind in _kinds_of(topic, role):
-            allowed[kind].append(key_of(topic, session, role.seat if topic.is_seats else -1))
+            allowed[kind].append(key_of(topic, session, seat))
     return {kind: keys for kind, keys in allowed.items() if keys}
 
 
@@ -70,7 +74,7 @@ def _kinds_of(topic: Topic, role: Role) -> tuple[str, ...]:
         return ()
     if topic.direction == "up":
         return ("live",) if topic.is_token else ("send", "be wanted")
-    if topic.direction in {"down", "out"}:
+    if topic.direction in {"down", "out", "coach"}:
         return ("listen", "hear")
     if topic.direction == "admin" and not role.is_steward:
         return ()

@@ -86,6 +86,10 @@ class ClientLink(Link):
         key = key_of(topic, self._name, seat)
         self._kept.append(self._session.declare_subscriber(key, receive))
 
+    def tell(self, topic: Topic, data: bytes, seat: int) -> None:
+        """Send a message to whoever listens at a seat."""
+        self._session.put(key_of(topic, self._name, seat), data)
+
     def announce(self, seat: int, badge: str) -> None:
         """Announce this seat's driver to the server until the link closes."""
         key = key_of(topics.ALIVE, self._name, seat, badge)

@@ -21,7 +21,7 @@ class Topic:
     message: str  # table in schemas/
     identifier: bytes  # of the FlatBuffer
     # up: driver to server; down: server to seat; out: server to all; query; admin: a query of a
-    # steward; peer: kart to kart, never by a server
+    # steward; peer: kart to kart, never by a server; coach: a steward's program to a seat
     direction: str
     rate: str
     most_bytes: int  # larger messages are dropped without decoding
@@ -55,6 +55,8 @@ ALERT_HZ = 200.0
 TELEMETRY_HZ = 50.0
 # Twice the rate of a real kart.
 PEER_HZ = 100.0
+# One cue in 0.8 s, and one word after each lap.
+COACH_HZ = 10.0
 # Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
 SHARED_HZ = 20.0
@@ -77,6 +79,11 @@ OWN_ALERT = Topic("own/alert/{seat}", "AlertMessage", b"RALR", "down", "50 Hz", 
 # From a real kart to all others: they are peers of one another, and need no server.
 PEER = Topic("peer/{seat}", "PeerMessage", b"RPER", "peer", "50 Hz", 256, True, False, PEER_HZ)
 OBSERVATION = Topic("obs/{seat}", "SeatObservation", b"ROBS", "down", "20 Hz", 65536, True, False)
+# From a coach, which watches as spectators do, and has the keys of a steward.
+COACH = Topic(
+    *("coach/{seat}", "Hint", b"RHNT", "coach", "after each lap, and before corners"),
+    *(1024, False, False, COACH_HZ),
+)
 HUD = Topic("hud/{seat}", "Hud", b"RHUD", "down", "20 Hz", 1024, True, False)
 ORDER = Topic("order/{seat}", "ParkingOrder", b"RORD", "down", "2 Hz", 262144, True, False)
 SNAPSHOT = Topic("out/snapshot", "Snapshot", b"RSNP", "out", "60 Hz", 16384, True, True)
@@ -135,6 +142,7 @@ TOPICS = (
     OWN_POSE,
     OWN_ALERT,
     PEER,
+    COACH,
     OBSERVATION,
     HUD,
     ORDER,

@@ -277,8 +277,9 @@ export const en = {
     full: 'Full screen',
     sound: 'Sound',
     help: (level: string) => `Help: ${level}`,
-    helpHelp: 'None, the ideal line, a kart that brakes by itself, or that also accelerates',
-    levels: { none: 'none', line: 'line', brakes: 'brakes', pedals: 'pedals' },
+    helpHelp:
+      'None, the ideal line, a kart that brakes by itself, or also accelerates; fading: only where a coach (`race coach --live --tell`) says so',
+    levels: { none: 'none', line: 'line', brakes: 'brakes', pedals: 'pedals', fading: 'fading' },
     byItself: 'by itself',
     waitOthers: 'Ready. The race begins when all drivers are.',
     pressReady: 'Press “I am ready”.',

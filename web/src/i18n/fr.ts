@@ -276,8 +276,15 @@ export const fr: Words = {
     sound: 'Son',
     full: 'Plein écran',
     help: (level) => `Aide : ${level}`,
-    helpHelp: 'Aucune, la trajectoire idéale, un kart qui freine seul, ou qui accélère aussi',
-    levels: { none: 'aucune', line: 'trajectoire', brakes: 'freins', pedals: 'pédales' },
+    helpHelp:
+      'Aucune, la trajectoire idéale, un kart qui freine seul, ou accélère aussi ; dégressive : seulement où un coach (`race coach --live --tell`) le dit',
+    levels: {
+      none: 'aucune',
+      line: 'trajectoire',
+      brakes: 'freins',
+      pedals: 'pédales',
+      fading: 'dégressive',
+    },
     byItself: 'tout seul',
     waitOthers: 'Prêt. La course commence quand tout le monde l’est.',
     pressReady: 'Appuyez sur « Je suis prêt ».',

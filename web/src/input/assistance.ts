@@ -10,6 +10,9 @@ import { clamp, type Wheel } from './wheel';
 /** From least to most: each includes the one before it. */
 export const LEVELS = ['none', 'line', 'brakes', 'pedals'] as const;
 export type Level = (typeof LEVELS)[number];
+/** What a driver chooses from: also help with the pedals only where a coach says so, which fades. */
+export const CHOICES = [...LEVELS, 'fading'] as const;
+export type Choice = (typeof CHOICES)[number];
 
 export interface Helped {
   wheel: Wheel;

@@ -1,10 +1,11 @@
 // A seat that is driven from this page: reads the devices and sends controls.
 
 import { encodeControl } from '../wire/encode';
+import { isHelped } from '../race/helped';
 import { Response } from '../race/response';
 import type { Visit } from '../race/visit.svelte';
 import type { KartFrame } from '../wire/frames';
-import { type Helped, help, type Level, LEVELS } from './assistance';
+import { type Choice, CHOICES, type Helped, help, type Level } from './assistance';
 import { Pad } from './gamepad';
 import { type Grip, Hands } from './hands';
 import { Keyboard } from './keyboard';
@@ -17,7 +18,7 @@ const KEPT = 'race.help';
 export class DrivenSeat {
   grip = $state.raw<Grip>({ device: 'none', wheel: NEUTRAL, isHeld: false });
   responseMs = $state(NaN);
-  level = $state<Level>(keptLevel());
+  level = $state<Choice>(keptLevel());
   /** What the assistance does now. */
   does = $state.raw<Helped['does']>(null);
   readonly touch = new Touch();
@@ -47,9 +48,9 @@ export class DrivenSeat {
     this.timer = window.setInterval(() => this.drive(), SEND_MS);
   }
 
-  /** Selects the next level of assistance; after the last, none. */
+  /** Selects the next kind of assistance; after the last, none. */
   changeLevel(): void {
-    this.level = LEVELS[(LEVELS.indexOf(this.level) + 1) % LEVELS.length]!;
+    this.level = CHOICES[(CHOICES.indexOf(this.level) + 1) % CHOICES.length]!;
     localStorage.setItem(KEPT, this.level);
   }
 
@@ -97,9 +98,15 @@ export class DrivenSeat {
       return grip;
     }
     const situation = { own, frame, flag: race.flagIn(frame), line: race.line };
-    const { wheel, does } = help(this.level, grip.wheel, situation);
+    const { wheel, does } = help(this.levelAt(own.progress), grip.wheel, situation);
     this.does = does;
     return { ...grip, wheel };
+  }
+
+  private levelAt(progress: number): Level {
+    if (this.level !== 'fading') return this.level;
+    const { course, helped } = this.visit.race;
+    return course && isHelped(helped, progress, course.length) ? 'pedals' : 'line';
   }
 
   private send(now: number): void {
@@ -115,9 +122,9 @@ export class DrivenSeat {
   }
 }
 
-function keptLevel(): Level {
+function keptLevel(): Choice {
   const kept = localStorage.getItem(KEPT);
-  return LEVELS.find((level) => level === kept) ?? 'line';
+  return CHOICES.find((level) => level === kept) ?? 'line';
 }
 
 function isButtonKey(code: string): boolean {

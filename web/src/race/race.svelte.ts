@@ -69,6 +69,7 @@ export class Race {
   hud = $state.raw<HudFrame | null>(null);
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
   telemetry = $state.raw<ByteBuffer | null>(null); // of real karts, see `telemetry.ts`
+  hint = $state.raw<ByteBuffer | null>(null); // of a coach, the newest, see `hint.ts`
   briefing = $state.raw<BriefingFrame | null>(null);
   programme = $state.raw<ProgrammeFrame | null>(null); // of an event
 
@@ -82,6 +83,7 @@ export class Race {
   readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
+  helped: readonly [number, number][] = []; // stretches in which help that fades is given [m]
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
   private over = -1; // epoch of the race whose lobby this is
@@ -116,6 +118,9 @@ export class Race {
         return this.ages.take(frame);
       case 'telemetry':
         this.telemetry = frame.buffer;
+        return;
+      case 'hint':
+        this.hint = frame.buffer;
         return;
       case 'alerts':
         this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
@@ -230,6 +235,8 @@ export class Race {
     this.rays = null;
     this.alerts = new Map();
     this.telemetry = null;
+    this.hint = null;
+    this.helped = [];
   }
 
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {

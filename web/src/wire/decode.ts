@@ -54,6 +54,7 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RLNK: readLinks,
   RALS: readAlerts,
   RTLS: (buffer) => ({ kind: 'telemetry', buffer }),
+  RHNT: (buffer) => ({ kind: 'hint', buffer }),
   RLOT: readLot,
   RHUD: readHud,
   RALR: readOwnAlert,

@@ -264,6 +264,12 @@ export interface TelemetryFrame {
   buffer: ByteBuffer;
 }
 
+/** What a coach says to the driver of this page; read where it is shown, see `race/hint.ts`. */
+export interface HintFrame {
+  kind: 'hint';
+  buffer: ByteBuffer;
+}
+
 export interface AlertsFrame {
   kind: 'alerts';
   tick: number;
@@ -325,6 +331,7 @@ export type Frame =
   | LinksFrame
   | AlertsFrame
   | TelemetryFrame
+  | HintFrame
   | OwnAlertFrame
   | OwnPoseFrame
   | LotFrame

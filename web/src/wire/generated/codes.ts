@@ -13,6 +13,7 @@ export { EventPhase } from './codes/event-phase.js';
 export { FailsafeStage } from './codes/failsafe-stage.js';
 export { Fault } from './codes/fault.js';
 export { Flag } from './codes/flag.js';
+export { HintKind } from './codes/hint-kind.js';
 export { InterventionKind } from './codes/intervention-kind.js';
 export { KartFlag } from './codes/kart-flag.js';
 export { Merit } from './codes/merit.js';
