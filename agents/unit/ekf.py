@@ -49,7 +49,7 @@ MOST_FIXES_REFUSED = 3
 # are wrong, for as long as it takes to slow down.
 CALM_S, MOST_REFUSED_CALM = 2.0, 25
 # Ranges come from many beacons: only when most are refused for a while is the place doubted. One
-# that is believed makes up for this many refused: by chance some fit a wrong place, too.
+# that is believed makes up for this many refused: some fit a wrong place, too.
 MOST_RANGES_REFUSED, FORGIVES = 25, 2
 # Scans in a row that show the borders elsewhere, until the place is doubted; for how long [s] a
 # scan tells whether a fix can be right.

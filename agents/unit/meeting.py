@@ -40,8 +40,8 @@ KEPT = 0.6
 # In this time [s] brakes hold a kart back by less than that. A kart beside that comes over more
 # slowly than this [m/s] keeps its lane, as far as a radar can tell.
 FLANK_S, SIDLES = 0.75, 1.0
-# A driver who brakes with this share of the usual braking has seen what is ahead: no share of what
-# the brakes can do is kept back for him.
+# A driver that does this share of the usual braking has seen what is ahead: nothing of what the
+# brakes can do is kept back.
 BRAKES = 0.5
 # A kart ahead that slows down by more than this [m/s²] is taken to go on with it.
 SLOWS = 2.0

@@ -16,7 +16,7 @@ from race_server.coaching.cues import (
     due,
     time_to,
 )
-from race_server.coaching.fading import Attention, Help, after_lap
+from race_server.coaching.fading import Attention, Fading, Help, after_lap
 from race_server.coaching.faults import Fault, FaultKind
 from race_server.coaching.lap import Lap
 
@@ -140,6 +140,15 @@ def test_help_begins_with_the_first_fault_and_not_before() -> None:
 def test_help_withdraws_after_three_laps_inside_in_a_row() -> None:
     assert course_of("oiii")[-2:] == [Help.GIVEN, Help.WITHDRAWN]
     assert course_of("oiioii")[-1] is Help.GIVEN
+
+
+def test_each_corner_of_a_driver_has_its_own_help() -> None:
+    fading = Fading(withdrawn_after=1)
+    helped = []
+    for faulty in ({"T1"}, {"T2"}, set(), {"T1", "T2"}, {"T1"}):
+        fading.take(("T1", "T2"), faulty)
+        helped.append({corner for corner in ("T1", "T2", "T3") if fading.helps(corner)})
+    assert helped == [{"T1"}, {"T2"}, set(), set(), {"T1"}]
 
 
 def test_withdrawn_help_returns_after_two_laps_outside_in_a_row() -> None:

@@ -87,7 +87,7 @@ class ClientLink(Link):
         self._kept.append(self._session.declare_subscriber(key, receive))
 
     def tell(self, topic: Topic, data: bytes, seat: int) -> None:
-        """Send a message to whoever listens at a seat."""
+        """Send a message to the client of a seat."""
         self._session.put(key_of(topic, self._name, seat), data)
 
     def announce(self, seat: int, badge: str) -> None:

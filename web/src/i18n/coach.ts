@@ -120,7 +120,7 @@ export function lapWords(told: Told, language: Language): { lap: string; tip: st
   const say = ALL[language];
   const lap = say.lap(told.lap, lapText(told.timeUs));
   if (told.behindUs === null) {
-    const why = told.reason.split(', ').map((reason) => reasonIn(reason, say));
+    const why = told.reason.split(', ').map((reason) => reasonSaid(reason, say));
     return { lap, tip: say.notCompared(why.join(', ')) };
   }
   const tip = say.tries[told.fault]?.(told) || say.nothing;
@@ -128,7 +128,7 @@ export function lapWords(told: Told, language: Language): { lap: string; tip: st
   return { lap: `${lap}, ${behind}`, tip: told.corner ? `${told.corner}: ${tip}` : tip };
 }
 
-function reasonIn(reason: string, say: CoachWords): string {
+function reasonSaid(reason: string, say: CoachWords): string {
   for (const [english, said] of say.reasons)
     if (english.test(reason)) return reason.replace(english, said);
   return reason;
