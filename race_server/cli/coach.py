@@ -8,7 +8,7 @@ from rich.table import Table
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import MOST_LAPS, drivers_for
+from race_server.cli.options import MOST_LAPS, drivers_for, given_options
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
@@ -18,11 +18,14 @@ from race_server.terminal import Console
 if TYPE_CHECKING:
     from race_server.coaching.lesson import Lesson
 
+# Options that mean nothing where a race is on.
+OF_A_DRIVER = ("track", "vehicle", "laps", "seed")
 # Of the table, so that no figure is cut off.
 WIDTH = 120
 
 
 def coach(
+    context: typer.Context,
     source: Annotated[
         str,
         typer.Argument(
@@ -86,6 +89,12 @@ def coach(
         raise ScenarioError(f"--{'cues' if cues else 'tell'} is of a race that is on: add --live")
     if live:
         from race_server.cli.coach_live import coach_race
+
+        for option in given_options(context, OF_A_DRIVER):
+            raise ScenarioError(
+                f"{option}: is of a driver that drives here, and the race that is on has its own; "
+                "leave it out"
+            )
 
         given = access(keys, connect, session)
         shown = console if as_json else Console()

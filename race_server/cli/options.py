@@ -1,6 +1,6 @@
 """Options and arguments that several commands share."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -151,3 +151,11 @@ def verge_of(track: str) -> float:
 
     course = load_course(track)
     return course.kerb + course.grass
+
+
+def given_options(context: typer.Context, names: Iterable[str]) -> Iterator[str]:
+    """Yield those of some options that stand on the command line, with their values."""
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            yield f"--{name} {context.params[name]}"

@@ -93,6 +93,12 @@ def test_a_race_on_a_course_that_is_not_known_here_is_refused() -> None:
     assert "ring" in str(told.exception)
 
 
+def test_the_course_of_a_race_is_not_chosen_by_its_coach() -> None:
+    told = coached("--live", "--track", "hangar-400")
+    assert isinstance(told.exception, ScenarioError)
+    assert "--track hangar-400: is of a driver that drives here" in str(told.exception)
+
+
 @pytest.mark.parametrize("words", [(), ("raceline", "--live"), ("raceline", "--tell")])
 def test_a_coach_has_one_source(words: tuple[str, ...]) -> None:
     told = coached(*words)
