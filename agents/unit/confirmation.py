@@ -31,8 +31,8 @@ IS_OF[codes.KART_HIT, KART] = IS_OF[[codes.OBSTACLE, codes.PERSON], PEOPLE] = 1.
 NEAR, ALIKE = 0.7, 2.0
 # Echoes beside it, of the same scan, that confirm one as well.
 BESIDE = 2
-# A lone echo that would be met sooner than this [s] has to be confirmed twice: what is there was
-# seen farther away before, and it is too late for brakes.
+# A lone echo is confirmed by the very last scan. One that would be met sooner than this [s] has to
+# be confirmed twice: what is there was seen farther away before, and it is too late for brakes.
 SUDDEN_S = 0.15
 # A person among this many times as many echoes of a kart is a part of it.
 CONFUSED = 10.0
@@ -120,7 +120,8 @@ def confirmed(
     lone = is_thing & (for_border == 0.0) & (for_thing == 1.0)
     if lone.any():
         for_border += _continues_border(echoes, lone)
-        kept &= ~(lone & (np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing))
+        is_sudden = np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing
+        kept &= ~(lone & (is_sudden | ~was_thing[:, 0]))
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
     least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
