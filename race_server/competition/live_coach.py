@@ -18,6 +18,7 @@ from race_server.coaching.lesson import Coach, Lesson
 from race_server.competition.live_laps import Glance, LiveLaps, SeenLap
 from race_server.core.hint import Hint, HintKind
 from race_server.core.messages import Phase
+from race_server.live.client.listener import Listener
 from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
@@ -196,11 +197,10 @@ class LiveCoach:
         Raises:
             LinkError: the server does not answer.
         """
-        self.race, self._link = RaceCoach(coaches), link
+        self.race = RaceCoach(coaches)
         self._inbox: deque[tuple[Topic, bytes]] = deque(maxlen=MOST_WAITING)
-        self._heard_at = time.monotonic()
-        for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS):
-            link.listen(topic, partial(self._store, topic))
+        wanted = topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS
+        self._listener = Listener(link, wanted, self._store)
         self.ask()
 
     def ask(self) -> None:
@@ -210,15 +210,14 @@ class LiveCoach:
             LinkError: the server does not answer.
         """
         for topic in (topics.TABLE, topics.RECENT):
-            self._store(topic, self._link.ask(topic))
+            self._listener.ask(topic)
 
     def _store(self, topic: Topic, data: bytes) -> None:
         self._inbox.append((topic, data))
-        self._heard_at = time.monotonic()
 
     def silence_s(self) -> float:
         """Return the time [s] since the last message."""
-        return time.monotonic() - self._heard_at
+        return self._listener.silence_s()
 
     def heard(self) -> Iterator[Said]:
         """Yield what there is to say of all that has come."""

@@ -17,7 +17,7 @@ from race_agents.unit.ego import Ego, EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
 from race_agents.unit.safety import STOP_FOR_OBSTACLE, Echoes, Verdict
-from race_agents.unit.track import Track
+from race_agents.unit.track import Track, correct
 from race_server.core import codes
 from race_server.core.alert import Advice, Danger, DangerStage
 from race_server.core.vehicle_presets import KART_60
@@ -209,6 +209,25 @@ def test_a_kart_that_is_passed_and_drives_into_the_flank_is_not_braked_fully_for
     front = danger_of(track_at(5.0, 1.6, 9.0, -2.5, kind=codes.KART_HIT), 16.0, 0.0, LIMITS)
     assert flank.stage is DangerStage.EASE
     assert front.stage is DangerStage.FULL
+
+
+@pytest.mark.parametrize(("over", "stage"), [(0.6, DangerStage.EASE), (1.6, DangerStage.FULL)])
+def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_does_not(
+    over: float, stage: DangerStage
+) -> None:
+    # 2 m/s slower, 1.1 m before the bumper: it is met at the flank, after more than a second.
+    beside = track_at(1.1, 0.6 + 1.3 * over, 12.0, -over, kind=codes.KART_HIT)
+    assert danger_of(beside, 14.0, 0.0, LIMITS).stage is stage
+
+
+def test_how_a_kart_moves_that_was_hit_is_not_known() -> None:
+    for told, is_known in ((9.6, True), (1.0, False)):
+        track = track_at(10.0, 4.0, 10.0, -1.0, kind=codes.KART_HIT)
+        x, y = track.state[:2]
+        ray = np.array([x, y]) / math.hypot(x, y)
+        correct(track, track.state[:2].copy(), ray, told * ray[0])
+        across = track.velocity[0] * -ray[1] + track.velocity[1] * ray[0]
+        assert (abs(across) > 1.0) == is_known
 
 
 @pytest.mark.parametrize(("slide", "stage"), [(0.5, DangerStage.FULL), (2.5, DangerStage.NONE)])

@@ -106,6 +106,41 @@ def test_what_lies_on_the_line_of_a_wall_is_the_wall_until_it_is_seen_twice_more
     assert seen(0.2, scans=2) == 1  # a person on the way, 0.8 m from the wall
 
 
+def scan_of(*echoes: tuple[float, float, float, int]) -> Echoes:
+    """Return echoes of x, y, closing speed and kind."""
+    x, y, closing, kinds = (np.array(column) for column in zip(*echoes, strict=True))
+    return Echoes(x.astype(float), y.astype(float), closing.astype(float), kinds.astype(np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("distance", "scans", "seen"),
+    [(3.0, (1, 1), 1), (1.5, (1, 1), 0), (1.5, (1, 1, 1), 1), (3.0, (1, 0, 1), 0)],
+)
+def test_a_lone_echo_counts_that_the_last_scan_confirms_and_one_at_the_bumper_that_two_do(
+    distance: float, scans: tuple[int, ...], seen: int
+) -> None:
+    # It comes by 12 m/s, or 0.6 m a scan: 1.5 m are an eighth of a second.
+    objects, ego = Objects(), Ego(0.6, 0.0, 0.0, 12.0)
+    for number, is_there in enumerate(scans):
+        x = distance + 0.6 * (len(scans) - 1 - number)
+        there = scan_of((x, 0.0, 12.0, codes.OBSTACLE))
+        objects.look(there if is_there else Echoes.nothing(), ego, 0.05)
+    assert objects.seen.may_be_people.sum() == seen
+
+
+def test_a_person_among_ten_times_as_many_echoes_of_a_kart_is_a_part_of_it() -> None:
+    def seen(karts: int, people: int) -> int:
+        objects, stands = Objects(), Ego(0.0, 0.0, 0.0, 0.0)
+        rows = [(3.0 + 0.01 * row, 0.0, 1.0, codes.KART_HIT) for row in range(karts)]
+        rows += [(3.0, 0.1 + 0.1 * row, 1.0, codes.OBSTACLE) for row in range(people)]
+        for _ in range(4):
+            objects.look(scan_of(*rows), stands, 0.05)
+        return int(objects.seen.may_be_people.sum())
+
+    assert seen(karts=12, people=1) == 0
+    assert seen(karts=4, people=2) == 2  # a child who comes from behind a kart
+
+
 def test_karts_that_touch_each_other_are_two() -> None:
     x, y = np.array([8.0, 8.0, 8.3, 8.3]), np.array([-0.8, -0.2, 0.4, 1.0])
     closing, kinds = np.array([6.0, 6.0, 1.0, 1.0]), np.full(4, codes.KART_HIT, np.uint8)

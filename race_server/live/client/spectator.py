@@ -2,10 +2,10 @@
 
 import threading
 import time
-from functools import partial
 
 from race_server.core.messages import Event, Phase
 from race_server.errors import LinkError
+from race_server.live.client.listener import Listener
 from race_server.live.client.race_view import RaceView
 from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
@@ -29,13 +29,11 @@ class Spectator:
         Raises:
             LinkError: the server does not answer.
         """
-        self._link = link
         self._lock = threading.Lock()
         self._view = RaceView(MAX_EVENTS)
-        self._received_at = time.monotonic()
         self._final: StandingsFrame | None = None
-        for topic in (topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LOT):
-            link.listen(topic, partial(self._receive, topic))
+        wanted = topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LOT
+        self._listener = Listener(link, wanted, self._receive)
         self._ask(topics.TABLE)
         self._ask(topics.RECENT)
 
@@ -99,21 +97,19 @@ class Spectator:
 
     def silence_s(self) -> float:
         """Return the time [s] since the last message."""
-        return time.monotonic() - self._received_at
+        return self._listener.silence_s()
 
     def _ask(self, topic: topics.Topic) -> bytes:
         begun = time.monotonic()
-        answer = self._link.ask(topic)
+        answer = self._listener.ask(topic)
         taken = time.monotonic() - begun
-        self._receive(topic, answer)
         with self._lock:
             self._view.offset.record_round_trip(taken)
         return answer
 
     def _receive(self, topic: topics.Topic, data: bytes) -> None:
         with self._lock:
-            now = self._received_at = time.monotonic()
-            self._view.receive(topic, data, now)
+            self._view.receive(topic, data, time.monotonic())
             standings = self._view.standings
             if standings is not None and standings.phase is Phase.FINISHED:
                 self._final = standings
