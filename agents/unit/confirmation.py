@@ -31,8 +31,9 @@ IS_OF[codes.KART_HIT, KART] = IS_OF[[codes.OBSTACLE, codes.PERSON], PEOPLE] = 1.
 NEAR, ALIKE = 0.7, 2.0
 # Echoes beside it, of the same scan, that confirm one as well.
 BESIDE = 2
-# A lone echo is confirmed by the very last scan. One that would be met sooner than this [s] has to
-# be confirmed twice: what is there was seen farther away before, and it is too late for brakes.
+# A lone echo where nothing is known to be is confirmed by the very last scan. One that would be met
+# sooner than this [s] has to be confirmed twice: what is there was seen farther away before, and it
+# is too late for brakes.
 SUDDEN_S = 0.15
 # A person among this many times as many echoes of a kart is a part of it.
 CONFUSED = 10.0
@@ -112,7 +113,8 @@ def confirmed(
     was_border, was_thing = was[:, :, BORDER], was[:, :, THING]
     times = (was_border | was_thing).sum(axis=1)
     kept = (times >= 1) | (here[:, BORDER] + here[:, THING] >= BESIDE)
-    kept &= ~_appears(echoes, times, past, tracks)
+    known = _is_tracked(echoes, tracks)
+    kept &= known | ~_appears(echoes, times, past)
     if not is_thing.any():
         return echoes.kept(kept)
     for_thing = was_thing.sum(axis=1) + here[:, THING]
@@ -121,7 +123,7 @@ def confirmed(
     if lone.any():
         for_border += _continues_border(echoes, lone)
         is_sudden = np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing
-        kept &= ~(lone & (is_sudden | ~was_thing[:, 0]))
+        kept &= known | ~(lone & (is_sudden | ~was_thing[:, 0]))
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to.
     least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
@@ -142,19 +144,22 @@ def _count_near(echoes: Echoes, past: Past) -> NDArray[np.float32]:
     return counts.reshape(-1, 1 + SCANS, 4)
 
 
-def _appears(
-    echoes: Echoes, times: NDArray[np.int64], past: Past, tracks: Sequence[Track]
-) -> NDArray[np.bool_]:
+def _is_tracked(echoes: Echoes, tracks: Sequence[Track]) -> NDArray[np.bool_]:
+    """Return which echoes (n,) lie where something of their kind is known to be."""
+    if not tracks:
+        return np.zeros(len(echoes.x), np.bool_)
+    x, y = np.array([track.state[:2] for track in tracks]).T
+    is_kart = np.array([track.kind == codes.KART_HIT for track in tracks])
+    is_like = (echoes.kinds == codes.KART_HIT)[:, None] == is_kart
+    near = np.hypot(echoes.x[:, None] - x, echoes.y[:, None] - y) < GATE
+    return np.asarray((is_like & near).any(axis=1))
+
+
+def _appears(echoes: Echoes, times: NDArray[np.int64], past: Past) -> NDArray[np.bool_]:
     """Return which echoes (n,) appear where nothing was. times: (n,) scans in which it was."""
     appears = times <= 1
     if appears.any():
         appears[appears] = _seen_through(echoes.kept(appears), past) >= CLEAR
-    if tracks and appears.any():
-        x, y = np.array([track.state[:2] for track in tracks]).T
-        is_kart = np.array([track.kind == codes.KART_HIT for track in tracks])
-        is_like = (echoes.kinds == codes.KART_HIT)[:, None] == is_kart
-        known = is_like & (np.hypot(echoes.x[:, None] - x, echoes.y[:, None] - y) < GATE)
-        appears &= ~known.any(axis=1)
     return appears
 
 

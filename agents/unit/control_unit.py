@@ -194,6 +194,7 @@ class ControlUnit:
             game_speed=self.hud.speed_cap,
             thrust=self.hud.thrust_scale,
         )
+        self._is_busy = False
         return self.command
 
     def _verdicts(self, now_s: float, speed: float) -> list[Verdict]:

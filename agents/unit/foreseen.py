@@ -58,7 +58,7 @@ class Movers:
     y: Floats  # (n, 1) [m]
     vx: Floats  # (n, 1) [m/s]
     vy: Floats  # (n, 1) [m/s]
-    beside: Floats  # (n, 1) [m]: what lies less far ahead can only be touched from the side
+    least_ahead: Floats  # (n, 1) [m]: what lies less far ahead can only be touched from the side
     seconds: Floats  # (n, T) or (T,) that each takes at its speed of now for its way until `TIMES`
     curvature: Floats  # (A, 1, 1) [1/m]
 
@@ -67,12 +67,12 @@ class Movers:
         """Return all objects beside each arc."""
         numbers = [(*track.state.tolist()[:2], *track.velocity) for track in tracks]
         x, y, vx, vy = np.array(numbers).T[:, :, None]
-        beside = [limits.nose + PASSED * (track.kind == codes.KART_HIT) for track in tracks]
+        ahead = [limits.nose + PASSED * (track.kind == codes.KART_HIT) for track in tracks]
         seconds = TIMES
         if any(track.braking > 0.0 for track in tracks):
             seconds = np.stack([_seconds_of_way(track) for track in tracks])
         arcs = np.array(curvatures, np.float64)[:, None, None]
-        return cls(x, y, vx, vy, np.array(beside)[:, None], seconds, arcs)
+        return cls(x, y, vx, vy, np.array(ahead)[:, None], seconds, arcs)
 
     def straight_on(self, speed: float, limits: Limits) -> Foreseen:
         """Return where objects are that go straight on over ground."""
@@ -85,8 +85,8 @@ class Movers:
         """Return where objects are that turn as the arc does."""
         along, aside = _beside_arcs(self.x, self.y, self.curvature)
         pace, leaves = self._along(along)
-        there, beside = along + pace * self.seconds, aside + leaves * self.seconds
-        return self._foreseen(there, beside, pace, speed, limits)
+        along_then, aside_then = along + pace * self.seconds, aside + leaves * self.seconds
+        return self._foreseen(along_then, aside_then, pace, speed, limits)
 
     def _along(self, way: Floats) -> tuple[Floats, Floats]:
         """Return how fast objects go along arcs, and to the left of them [m/s], (A, n, 1) each.
@@ -102,7 +102,10 @@ class Movers:
     ) -> Foreseen:
         gap = along - (limits.nose + speed * TIMES)
         length = limits.nose + 0.5  # behind the bumper until nothing can be touched
-        passes = (gap <= 0.0) & (gap > -length) & (along[..., :1] >= self.beside)
+        is_there = gap <= 0.0
+        passes = is_there & (gap > -length)
+        passes[..., 1:] |= is_there[..., 1:] & ~is_there[..., :-1]  # it may be through in a step
+        passes &= along[..., :1] >= self.least_ahead
         return Foreseen(along, aside, pace[..., 0], gap, passes)
 
 

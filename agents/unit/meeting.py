@@ -169,11 +169,19 @@ class Ahead:
             stage = at_most
         # It comes: brakes take off the smaller part. Or it soon drives into the flank.
         if stage > DangerStage.EASE and track.kind == codes.KART_HIT:
-            over = abs(aside - foreseen.aside.item(*at, 0))  # how far it comes over until then
-            flank = foreseen.gap.item(*at, first) < -PASSED
-            flank &= time_s < FLANK_S or over < SIDLES * time_s
-            stage = DangerStage.EASE if flank or track.leaves < -self.speed else stage
+            is_flank = self._is_flank(foreseen, at, first)
+            stage = DangerStage.EASE if is_flank or track.leaves < -self.speed else stage
         return Meeting(stage, needed, time_s, aside)
+
+    def _is_flank(self, foreseen: Foreseen, at: tuple[int, int], first: int) -> bool:
+        """Return whether a kart that is beside the way now drives into the flank, or keeps off it.
+
+        Brakes do not help against the first, and none is needed for the second.
+        """
+        now, then = abs(foreseen.aside.item(*at, 0)), abs(foreseen.aside.item(*at, first))
+        is_beside = now > self.limits.half_width and foreseen.gap.item(*at, first) < -PASSED
+        time_s = float(TIMES[first])
+        return is_beside and (time_s < FLANK_S or now - then < SIDLES * time_s)
 
 
 def _margin(

@@ -21,8 +21,6 @@ SHARES, FIRST = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0), (0.25, 0.5)
 BRAKED = (0.0, 0.5)
 # The front of the body [m] that must not meet anything, and its poses that are looked at on a way.
 FRONT, POSES = 1.2, 16
-# Racers pass a border closer than an echo of it is exact: that far [m] it may be nearer.
-GRAZE = 0.05
 _TRIES = [(one, two, first) for first in FIRST for one in SHARES for two in SHARES]
 _ONE, _TWO, _FIRST = (np.array(column)[:, None] for column in zip(*_TRIES, strict=True))
 
@@ -44,6 +42,7 @@ def _is_free(
     x: Floats, y: Floats, speed: float, braking: float, horizon: float, limits: Limits
 ) -> bool:
     """Return whether any of the ways at a braking [m/s²] is free for `horizon` [m]."""
+    # Racers pass a border closer than an echo of it is exact: the body is taken to be narrower.
     step = horizon / POSES
     ways = step * (np.arange(POSES) + 0.5)
     squares = np.maximum(speed * speed - 2.0 * braking * ways, 1.0)
@@ -59,6 +58,6 @@ def _is_free(
     cos, sin = np.cos(turned)[..., None], np.sin(turned)[..., None]
     dx, dy = x - east[..., None], y - north[..., None]  # (M, S, n)
     ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
-    half = limits.half_width - limits.spare - GRAZE
+    half = limits.half_width - 2.0 * limits.spare
     met = (np.abs(ahead - limits.nose + 0.5 * FRONT) < 0.5 * FRONT) & (np.abs(aside) < half)
     return bool((met.any(axis=1).sum(axis=1) < BLOCKS).any())

@@ -220,6 +220,17 @@ def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_d
     assert danger_of(beside, 14.0, 0.0, LIMITS).stage is stage
 
 
+@pytest.mark.parametrize("speed", [8.0, 14.0, 18.0, 30.0])
+def test_a_kart_that_stands_straight_ahead_is_braked_for_at_each_distance(speed: float) -> None:
+    # As soon as the way to stop is not longer than what is left, and until the bumper touches it.
+    way = 0.2 * speed + speed**2 / (2.0 * LIMITS.braking)
+    near = np.arange(1.0, way, 0.07)
+    stages = {
+        assess([track_at(x, 0.1, kind=codes.KART_HIT)], speed, 0.0, 0.0, LIMITS).stage for x in near
+    }
+    assert stages == {DangerStage.FULL}
+
+
 def test_how_a_kart_moves_that_was_hit_is_not_known() -> None:
     for told, is_known in ((9.6, True), (1.0, False)):
         track = track_at(10.0, 4.0, 10.0, -1.0, kind=codes.KART_HIT)

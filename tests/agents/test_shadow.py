@@ -19,7 +19,7 @@ from race_agents.unit.safety import Echoes
 from race_server.core import codes
 from race_server.core.alert import DangerStage
 from race_server.core.messages import Status
-from race_server.core.vehicle_presets import KART_60
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.net.wire.spectate import KART
 
 LIMITS = Limits.of(KART_60)
@@ -126,6 +126,27 @@ def test_a_lone_echo_counts_that_the_last_scan_confirms_and_one_at_the_bumper_th
         there = scan_of((x, 0.0, 12.0, codes.OBSTACLE))
         objects.look(there if is_there else Echoes.nothing(), ego, 0.05)
     assert objects.seen.may_be_people.sum() == seen
+
+
+@pytest.mark.parametrize("pattern", ["1110101010101010", "111001001001001"])
+def test_a_person_that_is_known_is_not_lost_where_scans_miss_it(pattern: str) -> None:
+    objects, ego, seen = Objects(), Ego(0.5, 0.0, 0.0, 10.0), []
+    for number, is_there in enumerate(pattern):
+        person = scan_of((12.0 - 0.5 * number, 0.2, 10.0, codes.PERSON))
+        objects.look(person if is_there == "1" else Echoes.nothing(), ego, 0.05)
+        seen.append(bool(objects.seen.may_be_people.any()))
+    assert seen[1:] == [is_there == "1" for is_there in pattern[1:]]
+
+
+def test_a_small_car_needs_a_gap_of_about_its_width() -> None:
+    limits, nose = Limits.of(TT02), Limits.of(TT02).nose
+
+    def is_free(gap: float) -> bool:
+        y = np.concatenate([np.arange(0.5 * gap, 2.0, 0.03), -np.arange(0.5 * gap, 2.0, 0.03)])
+        return leads_past(np.full(len(y), nose + 0.5), y, 4.0, limits)
+
+    assert not is_free(0.7 * TT02.width)
+    assert is_free(1.2 * TT02.width)
 
 
 def test_a_person_among_ten_times_as_many_echoes_of_a_kart_is_a_part_of_it() -> None:
