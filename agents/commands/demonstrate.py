@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import MOST_LAPS, given_options, names_in
+from race_server.cli.options import MOST_LAPS, names_in, refuse_options
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError, brought_by
 from race_server.kept_file import check_place
@@ -91,11 +91,11 @@ def demonstrate(
 
 def _refuse_driving(context: typer.Context) -> None:
     """Raise an error where an option of driving stands beside a recording."""
-    for option in given_options(context, _OF_DRIVING):
-        raise ScenarioError(
-            f"{option}: is of laps driven now, and --recording takes those of a recording; leave "
-            "one of the two out"
-        )
+    why = (
+        "is of laps driven now, and --recording takes those of a recording; leave one of the two "
+        "out"
+    )
+    refuse_options(context, _OF_DRIVING, why)
 
 
 def _show(out: Path, shown: "Demonstrations", laps: int, contacts: int, *, as_json: bool) -> None:

@@ -40,6 +40,8 @@ KEPT = 0.6
 # In this time [s] brakes hold a kart back by less than that. A kart beside that comes over more
 # slowly than this [m/s] keeps its lane, as far as a radar can tell.
 FLANK_S, SIDLES = 0.75, 1.0
+# How a kart moves whose speed has this deviation [m/s] is not known; after half a second it is.
+VAGUE = 1.5
 # A driver that does this share of the usual braking has seen what is ahead: nothing of what the
 # brakes can do is kept back.
 BRAKES = 0.5
@@ -167,21 +169,24 @@ class Ahead:
             stage = _stage(time_s, needed, soon=soon, limits=limits)
         if stage > at_most:
             stage = at_most
-        # It comes: brakes take off the smaller part. Or it soon drives into the flank.
+        # It comes: brakes take off the smaller part.
         if stage > DangerStage.EASE and track.kind == codes.KART_HIT:
-            is_flank = self._is_flank(foreseen, at, first)
-            stage = DangerStage.EASE if is_flank or track.leaves < -self.speed else stage
+            keeps_off = self._keeps_off(track, foreseen, at, first)
+            stage = DangerStage.EASE if keeps_off or track.leaves < -self.speed else stage
         return Meeting(stage, needed, time_s, aside)
 
-    def _is_flank(self, foreseen: Foreseen, at: tuple[int, int], first: int) -> bool:
-        """Return whether a kart that is beside the way now drives into the flank, or keeps off it.
+    def _keeps_off(self, track: Track, foreseen: Foreseen, at: tuple[int, int], first: int) -> bool:
+        """Return whether no full brakes are due for a kart that is beside the way now.
 
-        Brakes do not help against the first, and none is needed for the second.
+        It drives into the flank so soon that they do not help, or keeps its lane; or it has just
+        come into view, and may as well cut in ahead.
         """
         now, then = abs(foreseen.aside.item(*at, 0)), abs(foreseen.aside.item(*at, first))
-        is_beside = now > self.limits.half_width and foreseen.gap.item(*at, first) < -PASSED
-        time_s = float(TIMES[first])
-        return is_beside and (time_s < FLANK_S or now - then < SIDLES * time_s)
+        if now <= self.limits.half_width:
+            return False
+        time_s, is_flank = float(TIMES[first]), foreseen.gap.item(*at, first) < -PASSED
+        drifts = time_s < FLANK_S or now - then < SIDLES * time_s
+        return (is_flank and drifts) or track.unsure > VAGUE
 
 
 def _margin(

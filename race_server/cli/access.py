@@ -38,6 +38,17 @@ class Access:
     address: str
     session: str
 
+    def check_steward(self) -> None:
+        """Check that a steward may connect so: without keys anyone on this machine is one.
+
+        Raises:
+            KeysError: the keys are another role's.
+        """
+        if self.keys is not None and not self.keys.token:
+            raise KeysError(
+                f"{self.keys.folder} holds the keys of {self.keys.role}, not those of the steward"
+            )
+
     def seat(self, wanted: int) -> int:
         """Return the seat to ask for.
 

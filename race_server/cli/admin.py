@@ -8,7 +8,7 @@ import typer
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.core.bounds import LAST_SEAT
-from race_server.errors import KeysError, SeatError
+from race_server.errors import SeatError
 from race_server.terminal import say
 
 if TYPE_CHECKING:
@@ -224,8 +224,7 @@ def _steward(keys: Path | None, connect: str, session: str) -> "tuple[StewardCli
     from race_server.net.transport import ClientLink
 
     given = access(keys, connect, session)
-    if given.keys is not None and not given.keys.token:
-        raise KeysError(f"{keys} holds the keys of {given.keys.role}, not those of the steward")
+    given.check_steward()
     token = given.keys.token if given.keys else read_token(given.address, given.session)
     link = ClientLink(given.address, given.session, keys=given.keys)
     return StewardClient(link, token, getpass.getuser()), link

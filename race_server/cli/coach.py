@@ -8,7 +8,7 @@ from rich.table import Table
 
 from race_server.cli.access import Connect, KeysFolder, SessionName, access
 from race_server.cli.document import AsJson, print_document
-from race_server.cli.options import MOST_LAPS, drivers_for, given_options
+from race_server.cli.options import MOST_LAPS, drivers_for, refuse_options
 from race_server.core.clock import MICROSECONDS, lap_text
 from race_server.core.seeds import MOST_SEED
 from race_server.errors import ScenarioError
@@ -90,13 +90,12 @@ def coach(
     if live:
         from race_server.cli.coach_live import coach_race
 
-        for option in given_options(context, OF_A_DRIVER):
-            raise ScenarioError(
-                f"{option}: is of a driver that drives here, and the race that is on has its own; "
-                "leave it out"
-            )
+        why = "is of a driver that drives here, and the race that is on has its own; leave it out"
+        refuse_options(context, OF_A_DRIVER, why)
 
         given = access(keys, connect, session)
+        if tell:
+            given.check_steward()
         shown = console if as_json else Console()
         lessons = coach_race(given, only, with_cues=cues, tells=tell, console=shown)
     else:

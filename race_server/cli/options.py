@@ -1,6 +1,6 @@
 """Options and arguments that several commands share."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -153,9 +153,13 @@ def verge_of(track: str) -> float:
     return course.kerb + course.grass
 
 
-def given_options(context: typer.Context, names: Iterable[str]) -> Iterator[str]:
-    """Yield those of some options that stand on the command line, with their values."""
+def refuse_options(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Refuse options that stand on the command line beside what they do not go with.
+
+    Raises:
+        ScenarioError: names the first of them, with its value and why.
+    """
     for name in names:
         source = context.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":
-            yield f"--{name} {context.params[name]}"
+            raise ScenarioError(f"--{name} {context.params[name]}: {why}")

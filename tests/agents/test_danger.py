@@ -220,6 +220,16 @@ def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_d
     assert danger_of(beside, 14.0, 0.0, LIMITS).stage is stage
 
 
+@pytest.mark.parametrize(("unsure", "stage"), [(0.5, DangerStage.FULL), (1.6, DangerStage.EASE)])
+def test_a_kart_beside_of_which_little_is_known_is_not_braked_fully_for(
+    unsure: float, stage: DangerStage
+) -> None:
+    # 7 m/s slower, 4 m before the bumper and 1.3 m to the right, it comes over at 1.5 m/s.
+    beside = track_at(4.0, -1.3, 9.0, 1.5, kind=codes.KART_HIT)
+    beside.covariance[2, 2] = unsure**2
+    assert danger_of(beside, 16.0, 0.0, LIMITS).stage is stage
+
+
 @pytest.mark.parametrize("speed", [8.0, 14.0, 18.0, 30.0])
 def test_a_kart_that_stands_straight_ahead_is_braked_for_at_each_distance(speed: float) -> None:
     # As soon as the way to stop is not longer than what is left, and until the bumper touches it.

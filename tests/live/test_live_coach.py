@@ -76,6 +76,7 @@ def test_a_driver_of_a_race_is_told_the_same_as_alone_though_no_pedal_is_seen(
     assert [lap["not_compared"] for lap in lesson["laps"]] == ["from the start", "", ""]
     hints = [decode_hint(data)[1] for data in heard]
     laps = [hint for hint in hints if not hint.is_cue]
+    assert len(laps) < len(hints)
     assert [(hint.lap, hint.reason) for hint in laps] == [(1, "from the start"), (2, ""), (3, "")]
     assert laps[2].behind_us is not None
     assert {hint.corner for hint in hints if hint.is_cue} <= {

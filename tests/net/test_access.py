@@ -136,6 +136,7 @@ def test_each_key_has_a_rate_of_its_own_and_lockstep_has_none_for_controls() -> 
         "rate of pose/{seat}",
         "rate of alert/{seat}",
         "rate of telemetry/{seat}",
+        "rate of coach/{seat}",
         "rate of q/events",
     }
 

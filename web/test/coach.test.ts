@@ -5,6 +5,7 @@ import { isHelped } from '../src/race/helped';
 import { type Told, toldBy } from '../src/race/hint';
 import { Race } from '../src/race/race.svelte';
 import { decode } from '../src/wire/decode';
+import { snapshot } from './frames';
 import { HintKind } from '../src/wire/generated/codes.js';
 
 const KINDS = Object.values(HintKind).filter((kind) => typeof kind === 'number');
@@ -64,10 +65,17 @@ test('a damaged word of a coach is none', () => {
   }
 });
 
-test('the words of a coach are gone with their race', () => {
+test('the words of a coach are gone with their race, and come too late for the next one', () => {
   const race = new Race();
-  race.take(decode(golden().buffer)!, 0);
-  expect(race.hint).not.toBeNull();
-  race.forget();
+  const [words, { epoch, helped }] = [decode(golden().buffer)!, told()];
+  race.take(words, 0);
+  expect(race.hint).toBeNull(); // of no race that is on
+  race.take(snapshot({ epoch }), 0);
+  race.take(words, 0);
+  expect(race.hint?.told.lap).toBe(3);
+  expect(race.helped).toEqual(helped);
+  race.take(snapshot({ epoch: epoch + 1 }), 0);
+  race.take(words, 0);
   expect(race.hint).toBeNull();
+  expect(race.helped).toEqual([]);
 });

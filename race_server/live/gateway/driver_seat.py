@@ -208,21 +208,22 @@ class DriverSeat:
             self._loop.call_soon_threadsafe(publish, data)
 
     def _publish_hud(self, data: bytes) -> None:
-        try:
-            hud = decode_hud(data)
-        except WireError:
-            return
-        self._moment, self._hud_at = (hud.epoch, hud.tick), time.monotonic()
-        if self.driver is not None:
-            self.driver.outbox.send_newest(HUD, frame_of(data))
+        hud = self._publish(HUD, decode_hud, data)
+        if hud is not None:
+            self._moment, self._hud_at = (hud.epoch, hud.tick), time.monotonic()
 
     def _publish_hint(self, data: bytes) -> None:
+        self._publish(HINT, decode_hint, data)
+
+    def _publish(self, kind: str, decode: Callable[[bytes], Answer], data: bytes) -> Answer | None:
+        """Send the browser a message that is sound; return what it says."""
         try:
-            decode_hint(data)
+            told = decode(data)
         except WireError:
-            return
+            return None
         if self.driver is not None:
-            self.driver.outbox.send_newest(HINT, frame_of(data))
+            self.driver.outbox.send_newest(kind, frame_of(data))
+        return told
 
     # Timeouts
 

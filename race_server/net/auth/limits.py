@@ -35,13 +35,14 @@ def rate_limit(session: str, seats: int, *, real_time: bool) -> list[dict[str, A
     zenoh counts per rule and client, so two keys under one rule would starve each other: each
     key has its own rule.
 
-    real_time: controls are limited too, and requests for the events. In lock-step their rate is
-    that of the world: `RemoteRace` asks for the events of each decision.
+    real_time: controls are limited too, words of a coach, and requests for the events. In lock-step
+    their rate is that of the world: `RemoteRace` asks for the events of each decision.
     """
     return [
         _rate_of(topic, session, range(-1, seats) if topic.is_seats else range(-1, 0))
         for topic in _sent()
-        if topic.limit_hz and (real_time or not (topic.direction == "up" or topic is RECENT))
+        if topic.limit_hz
+        and (real_time or not (topic.direction in {"up", "coach"} or topic is RECENT))
     ]
 
 
@@ -62,8 +63,9 @@ def _rate_of(topic: Topic, session: str, seats: range) -> dict[str, Any]:
 
 
 def _sent() -> list[Topic]:
-    return [t for t in TOPICS if t.direction in {"up", "query", "admin"} and not t.is_token]
+    sent = {"up", "coach", "query", "admin"}
+    return [topic for topic in TOPICS if topic.direction in sent and not topic.is_token]
 
 
 def _message(topic: Topic) -> str:
-    return "put" if topic.direction in {"up", "peer"} else "query"
+    return "put" if topic.direction in {"up", "coach", "peer"} else "query"

@@ -219,7 +219,8 @@ def _write_ahead(connection: sqlite3.Connection, busy_s: float) -> None:
         try:
             connection.execute("pragma journal_mode = wal")
         except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() >= ends_s:
+            is_busy = error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY  # or a kind of it
+            if not is_busy or time.monotonic() >= ends_s:
                 raise
             time.sleep(_AGAIN_S)
         else:

@@ -6,6 +6,7 @@ import { Hint } from '../wire/generated/drive/hint.js';
 import type { HintKind } from '../wire/generated/codes/hint-kind.js';
 
 export interface Told {
+  epoch: number; // of the race
   lap: number; // that ended; 0 for a cue on the way
   timeUs: number; // of the lap
   behindUs: number | null; // behind the limit, null where the lap is not compared with it
@@ -22,6 +23,7 @@ export function toldBy(buffer: ByteBuffer): Told | null {
   try {
     const table = Hint.getRootAsHint(buffer);
     return {
+      epoch: table.epoch(),
       lap: table.lap(),
       timeUs: Number(table.time()),
       behindUs: table.isCompared() ? Number(table.behind()) : null,

@@ -6,6 +6,7 @@ import type { ProgrammeFrame } from '../wire/eventFrames';
 import type {
   BriefingFrame,
   Frame,
+  HintFrame,
   HudFrame,
   KartAlert,
   KartFrame,
@@ -22,6 +23,7 @@ import { Course } from './course';
 import { InputAges } from './ages';
 import type { Ghost } from './ghost';
 import { Ghosts } from './ghosts.svelte';
+import { type Told, toldBy } from './hint';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { News } from './news.svelte';
 import { BINS, Pace } from './pace';
@@ -69,7 +71,7 @@ export class Race {
   hud = $state.raw<HudFrame | null>(null);
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
   telemetry = $state.raw<ByteBuffer | null>(null); // of real karts, see `telemetry.ts`
-  hint = $state.raw<ByteBuffer | null>(null); // of a coach, the newest, see `hint.ts`
+  hint = $state.raw<{ told: Told; arrivedMs: number } | null>(null); // of a coach, the newest
   briefing = $state.raw<BriefingFrame | null>(null);
   programme = $state.raw<ProgrammeFrame | null>(null); // of an event
 
@@ -120,8 +122,7 @@ export class Race {
         this.telemetry = frame.buffer;
         return;
       case 'hint':
-        this.hint = frame.buffer;
-        return;
+        return this.takeHint(frame, arrivedMs);
       case 'alerts':
         this.alerts = new Map(frame.karts.map((alert) => [alert.seat, alert]));
         return this.news.takeAlerts(frame);
@@ -258,6 +259,14 @@ export class Race {
     else this.notePaces(frame);
     const isNews = frame.flag !== this.headline?.flag || frame.phase !== last?.phase;
     if (isNews || arrivedMs - this.readMs > READ_MS) this.read(frame, arrivedMs);
+  }
+
+  /** Takes the words of a coach; those of the last lap may come when the next race is on. */
+  private takeHint({ buffer }: HintFrame, arrivedMs: number): void {
+    const told = toldBy(buffer);
+    if (told?.epoch !== this.epoch) return;
+    this.hint = { told, arrivedMs };
+    this.helped = told.helped;
   }
 
   private noteLot(frame: SnapshotFrame): void {
