@@ -178,7 +178,9 @@ def in_the_way(
     is_border, is_kart = echoes.kinds == codes.BORDER, echoes.kinds == codes.KART_HIT
     drives, will = is_in_danger(echoes, (now, wanted), limits)
     is_met = (drives | (will & steers)) & ~is_border
-    is_met &= ~is_kart | (drives & will)  # who steers past a kart passes it
+    # Who steers past a kart passes it. Where one comes faster than this one drives, brakes take off
+    # the smaller part.
+    is_met &= ~is_kart | (drives & will & (echoes.closing < 2.0 * speed))
     walls = (drives | will) & is_border
     if (drives & is_border).sum() < BLOCKS or (will & is_border).sum() < BLOCKS:
         return is_met

@@ -15,6 +15,7 @@ from race_agents.unit.safety import (
     Verdict,
     braking_time,
     combine,
+    in_the_way,
     is_on_way,
     watch_creeping,
     watch_driver,
@@ -181,6 +182,19 @@ def test_a_kart_that_stood_for_a_person_does_not_steer_around_it() -> None:
     )
     assert watch_creeping(person, 0.5, LIMITS.restart, LIMITS).brake == 0.0
     assert watch_restart(person, LIMITS).brake == 1.0
+
+
+@pytest.mark.parametrize(("closing", "is_met"), [(5.0, True), (6.5, True), (12.0, False)])
+def test_a_kart_that_crosses_faster_than_one_drives_oneself_is_not_braked_fully_for(
+    closing: float, is_met: bool
+) -> None:
+    crosses = Echoes(
+        np.array([LIMITS.nose + 1.0]),
+        np.zeros(1),
+        np.array([closing]),
+        np.array([codes.KART_HIT], "u1"),
+    )
+    assert in_the_way(crosses, 3.4, 0.0, 0.0, LIMITS).any() == is_met
 
 
 def test_a_kart_that_stood_for_a_person_waits_who_then_stands_where_no_beam_reaches() -> None:
