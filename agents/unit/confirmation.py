@@ -45,7 +45,7 @@ BEHIND, SAME, CLEAR = 1.0, 0.025, 2
 NEIGHBOURS, BESIDE_LINE = 0.16, 0.3
 # A border goes on beyond two echoes of it: so far [m] from the farther one, or from the nearer one
 # as many times as far as they lie apart.
-GOES_ON, AS_FAR = 2.0, 2.0
+GOES_ON, AS_FAR = 2.0, 3.0
 
 
 class Past(NamedTuple):
@@ -125,9 +125,10 @@ def confirmed(
         is_sudden = np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing
         kept &= known | ~(lone & (is_sudden | ~was_thing[:, 0]))
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
-    # for a border, two others have to.
+    # for a border, two others have to, and more at first.
     least = np.where(for_border > 0.0, np.maximum(for_border, 2.0), 1.0)
-    doubtful = is_thing & (for_thing < least)
+    is_new = ~was_thing.any(axis=1) & (for_thing <= for_border)
+    doubtful = is_thing & (is_new | (for_thing < least))
     kinds = np.where(doubtful, codes.BORDER, _outvoted(echoes, here, before.sum(axis=1)))
     return Echoes(echoes.x, echoes.y, echoes.closing, kinds.astype(np.uint8)).kept(kept)
 
@@ -203,15 +204,16 @@ def _lies_on_border(echoes: Echoes) -> NDArray[np.bool_]:
 
 
 def _continues_border(echoes: Echoes, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which of those asked for (n,) lie on the line of the two nearest echoes of a border.
+    """Return which of those asked for (n,) lie on the line of the last echoes of a border before.
 
     So a border goes on beyond the last echo that was taken for it.
     """
     found = np.zeros(len(echoes.x), np.bool_)
     border = np.flatnonzero(echoes.kinds == codes.BORDER)
-    ways = np.arctan2(echoes.y, echoes.x)
+    ways, far = np.arctan2(echoes.y, echoes.x), np.hypot(echoes.x, echoes.y)
     for number in np.flatnonzero(asked).tolist():
-        beside = border[np.abs(ways[border] - ways[number]) < NEIGHBOURS]
+        before = (np.abs(ways[border] - ways[number]) < NEIGHBOURS) & (far[border] < far[number])
+        beside = border[before]
         if len(beside) < 2:
             continue
         x, y = echoes.x[beside] - echoes.x[number], echoes.y[beside] - echoes.y[number]
