@@ -53,6 +53,7 @@ def coach_race(
                     if tells:
                         hint = encode_hint(max(live.race.view.epoch, 0), said.hint)
                         link.tell(topics.COACH, hint, said.seat)
+                        time.sleep(2.0 / topics.COACH_HZ)
                     if with_cues or not said.hint.is_cue:
                         console.print(_line_of(said), soft_wrap=True)
         except (LinkError, KeyboardInterrupt) as error:

@@ -116,9 +116,14 @@ def test_a_driver_reads_what_its_coach_says_and_nobody_else_does(
     lap = Hint(2, 31_250_000, 1_500_000, "", HintKind.SLOW_BEND, "T2", 1.5, 9.0, ((0.0, 5.0),))
     words = driving.get_by_test_id("coach")
     with ClientLink(stage.served.address, "race") as coach:
-        for hint, said in ((lap, "T2: carry 5.4 km/h more through the bend"), (cue, "brake later")):
+
+        def is_shown(hint: Hint, said: str) -> bool:  # a cue is gone after two seconds
             coach.tell(topics.COACH, encode_hint(1, hint), OWN)
-            words.get_by_text(said).wait_for()
+            time.sleep(0.2)
+            return words.get_by_text(said).count() == 1
+
+        wait_until(lambda: is_shown(lap, "T2: carry 5.4 km/h more through the bend"))
+        wait_until(lambda: is_shown(cue, "brake later"))
     assert words.get_by_text("Lap 2: 31.250, +1.50 s to the limit").count() == 1
     assert watching.get_by_test_id("coach").count() == 0
 

@@ -55,8 +55,9 @@ ALERT_HZ = 200.0
 TELEMETRY_HZ = 50.0
 # Twice the rate of a real kart.
 PEER_HZ = 100.0
-# One cue in 0.8 s, and one word after each lap.
-COACH_HZ = 10.0
+# Twice as often as a coach tells one driver something at most: a cue and the word after a lap may
+# come together, and what follows sooner than this allows is dropped.
+COACH_HZ = 200.0
 # Twice the highest rates of `ClientLink`: for one client's own keys, and for what all may ask.
 QUERY_HZ = 200.0
 SHARED_HZ = 20.0
