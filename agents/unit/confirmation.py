@@ -113,7 +113,7 @@ def confirmed(
     was_border, was_thing = was[:, :, BORDER], was[:, :, THING]
     times = (was_border | was_thing).sum(axis=1)
     kept = (times >= 1) | (here[:, BORDER] + here[:, THING] >= BESIDE)
-    known = _is_tracked(echoes, tracks)
+    known = are_tracked(echoes, tracks)
     kept &= known | ~_appears(echoes, times, past)
     if not is_thing.any():
         return echoes.kept(kept)
@@ -145,7 +145,7 @@ def _count_near(echoes: Echoes, past: Past) -> NDArray[np.float32]:
     return counts.reshape(-1, 1 + SCANS, 4)
 
 
-def _is_tracked(echoes: Echoes, tracks: Sequence[Track]) -> NDArray[np.bool_]:
+def are_tracked(echoes: Echoes, tracks: Sequence[Track]) -> NDArray[np.bool_]:
     """Return which echoes (n,) lie where something of their kind is known to be."""
     if not tracks:
         return np.zeros(len(echoes.x), np.bool_)

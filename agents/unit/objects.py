@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.confirmation import ALIKE, Past, are_near, confirmed
+from race_agents.unit.confirmation import ALIKE, Past, are_near, are_tracked, confirmed
 from race_agents.unit.ego import Ego
 from race_agents.unit.safety import Echoes
 from race_agents.unit.track import (
@@ -63,16 +63,9 @@ class Objects:
         if len(self.tracks) > MOST_TRACKS:
             self.tracks = sorted(self.tracks, key=lambda track: distance_to(track, 0.0, 0.0))
             del self.tracks[MOST_TRACKS:]
-        self.loose = self.seen.kept(~self._is_known())
-
-    def _is_known(self) -> NDArray[np.bool_]:
-        """Return which confirmed echoes are of a kart whose way is known, shape (n,)."""
-        known = np.zeros(len(self.seen.x), np.bool_)
-        for track in self.tracks:
-            if track.kind == codes.KART_HIT and track.scans >= BORN:
-                near = np.hypot(self.seen.x - track.state[0], self.seen.y - track.state[1]) < GATE
-                known |= near & (self.seen.kinds == codes.KART_HIT)
-        return known
+        karts = [track for track in self.tracks if track.kind == codes.KART_HIT]
+        ways_known = [track for track in karts if track.scans >= BORN]
+        self.loose = self.seen.kept(~are_tracked(self.seen, ways_known))
 
     def _take(self, echoes: Echoes, ego: Ego, dt: float) -> None:
         """Let the nearest track of this kind take echoes of one thing, or begin one."""

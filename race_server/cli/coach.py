@@ -92,7 +92,6 @@ def coach(
 
         why = "is of a driver that drives here, and the race that is on has its own; leave it out"
         refuse_options(context, OF_A_DRIVER, why)
-
         given = access(keys, connect, session)
         if tell:
             given.check_steward()

@@ -23,7 +23,6 @@ import { Course } from './course';
 import { InputAges } from './ages';
 import type { Ghost } from './ghost';
 import { Ghosts } from './ghosts.svelte';
-import { type Told, toldBy } from './hint';
 import { type LapTrace, ReferenceLine, referenceTrace } from './line';
 import { News } from './news.svelte';
 import { BINS, Pace } from './pace';
@@ -71,7 +70,7 @@ export class Race {
   hud = $state.raw<HudFrame | null>(null);
   alerts = $state.raw<ReadonlyMap<number, KartAlert>>(new Map()); // of real karts, by seat
   telemetry = $state.raw<ByteBuffer | null>(null); // of real karts, see `telemetry.ts`
-  hint = $state.raw<{ told: Told; arrivedMs: number } | null>(null); // of a coach, the newest
+  hint = $state.raw<{ told: HintFrame; arrivedMs: number } | null>(null); // of a coach, the newest
   briefing = $state.raw<BriefingFrame | null>(null);
   programme = $state.raw<ProgrammeFrame | null>(null); // of an event
 
@@ -85,7 +84,6 @@ export class Race {
   readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
-  helped: readonly [number, number][] = []; // stretches in which help that fades is given [m]
   private ages = new InputAges();
   private epoch = $state(-1); // of the snapshots
   private over = -1; // epoch of the race whose lobby this is
@@ -195,6 +193,11 @@ export class Race {
     return ghost.deltaOf(pace, frame.tick, this.standings?.startTick ?? 0);
   }
 
+  /** Stretches in which help that fades is given, from and to [m] of progress. */
+  get helped(): readonly [number, number][] {
+    return this.hint?.told.helped ?? [];
+  }
+
   /** What the own kart says: by itself where it is heard, else as the server tells. */
   alertOfOwn(seat: number, nowMs: number): KartAlert | null {
     return this.ownKart.alert(nowMs) ?? this.alerts.get(seat) ?? null;
@@ -237,7 +240,6 @@ export class Race {
     this.alerts = new Map();
     this.telemetry = null;
     this.hint = null;
-    this.helped = [];
   }
 
   private takeSnapshot(frame: SnapshotFrame, arrivedMs: number): void {
@@ -262,11 +264,8 @@ export class Race {
   }
 
   /** Takes the words of a coach; those of the last lap may come when the next race is on. */
-  private takeHint({ buffer }: HintFrame, arrivedMs: number): void {
-    const told = toldBy(buffer);
-    if (told?.epoch !== this.epoch) return;
-    this.hint = { told, arrivedMs };
-    this.helped = told.helped;
+  private takeHint(told: HintFrame, arrivedMs: number): void {
+    if (told.epoch === this.epoch) this.hint = { told, arrivedMs };
   }
 
   private noteLot(frame: SnapshotFrame): void {

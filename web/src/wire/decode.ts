@@ -27,6 +27,7 @@ import {
 } from './tables';
 import { readCourse, readLine, readLot, readRules } from './decodeCourse';
 import { readGhosts, readProgramme } from './decodeEvent';
+import { readHint } from './decodeHint';
 import { NOTHING, rowsOf } from './rows';
 
 /** Returns the message in some bytes, null if they are damaged or unknown. */
@@ -54,7 +55,7 @@ const READERS: Record<string, (buffer: ByteBuffer) => Frame> = {
   RLNK: readLinks,
   RALS: readAlerts,
   RTLS: (buffer) => ({ kind: 'telemetry', buffer }),
-  RHNT: (buffer) => ({ kind: 'hint', buffer }),
+  RHNT: readHint,
   RLOT: readLot,
   RHUD: readHud,
   RALR: readOwnAlert,

@@ -7,6 +7,7 @@ import type {
   Ending,
   EventKind,
   Flag,
+  HintKind,
   Merit,
   Phase,
   RayHit,
@@ -264,10 +265,19 @@ export interface TelemetryFrame {
   buffer: ByteBuffer;
 }
 
-/** What a coach says to the driver of this page; read where it is shown, see `race/hint.ts`. */
+/** What a coach says to the driver of this page. */
 export interface HintFrame {
   kind: 'hint';
-  buffer: ByteBuffer;
+  epoch: number; // of the race
+  lap: number; // that ended; 0 for a cue on the way
+  timeUs: number; // of the lap
+  behindUs: number | null; // behind the limit, null where the lap is not compared with it
+  reason: string; // why it is not, in English
+  fault: HintKind;
+  corner: string;
+  size: number; // [m], of a slow bend [m/s]
+  reach: number; // [m] from where the limit brakes to the apex; 0 if it needs no brakes
+  helped: [number, number][]; // stretches in which help that fades is given, progress [m]
 }
 
 export interface AlertsFrame {

@@ -9,6 +9,7 @@ export {
   EventPhase,
   Fault,
   Flag,
+  HintKind,
   KartFlag,
   Merit,
   Phase,

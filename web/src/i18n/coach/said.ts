@@ -2,8 +2,8 @@
 
 import { deltaText, lapText } from '../figures';
 import type { Language } from '../words.svelte';
-import type { Told } from '../../race/hint';
-import { HintKind } from '../../wire/generated/codes/hint-kind.js';
+import type { HintFrame } from '../../wire/frames';
+import { HintKind } from '../../wire/tables';
 import { en } from './en';
 import { fr } from './fr';
 import type { CoachWords } from './words';
@@ -11,13 +11,13 @@ import type { CoachWords } from './words';
 const ALL: Record<Language, CoachWords> = { en, fr };
 
 /** Returns what a cue says. */
-export function cueText({ fault, reach }: Told, language: Language): string {
+export function cueText({ fault, reach }: HintFrame, language: Language): string {
   const say = ALL[language];
   return fault === HintKind.EARLY_BRAKES && !reach ? say.liftLater : (say.cues[fault] ?? '');
 }
 
 /** Returns what is said of a lap: its time, and what to try. */
-export function lapWords(told: Told, language: Language): { lap: string; tip: string } {
+export function lapWords(told: HintFrame, language: Language): { lap: string; tip: string } {
   const say = ALL[language];
   const lap = say.lap(told.lap, lapText(told.timeUs));
   if (told.behindUs === null) {

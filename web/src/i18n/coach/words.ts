@@ -1,8 +1,8 @@
 // What a coach can say.
 
-import type { Told } from '../../race/hint';
+import type { HintFrame } from '../../wire/frames';
 
-type Figures = Pick<Told, 'size' | 'reach'>;
+type Figures = Pick<HintFrame, 'size' | 'reach'>;
 
 /** The order of faults is that of `HintKind`. */
 export interface CoachWords {
