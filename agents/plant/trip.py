@@ -125,9 +125,8 @@ def follow(
                 )
             continue
         estimator.filter.squares.clear()
-        taken = estimator.sense(readings)
-        if taken is not None:
-            fixes, refused = fixes + 1, refused + (not taken[1])
+        for _, is_believed in estimator.sense(readings):
+            fixes, refused = fixes + 1, refused + (not is_believed)
         for sensor, square in estimator.filter.squares.items():
             innovations.setdefault(sensor, []).append(square)
         rows.append((readings.time_s, *_errors(estimator, truth)))

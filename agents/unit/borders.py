@@ -44,8 +44,8 @@ class Sighting:
     def belies(self, state: Floats, shift: Floats) -> bool:
         """Return whether the borders lie elsewhere if the kart is `shift` (2,) [m] from a state."""
         here = self.residuals(state)
-        there = float(np.median(np.abs(here - self.normals @ shift)))
-        return there > max(ELSEWHERE, 2.0 * float(np.median(np.abs(here))))
+        there = middle_of(np.abs(here - self.normals.dot(shift)))
+        return there > max(ELSEWHERE, 2.0 * middle_of(np.abs(here)))
 
     def rows(self, state: Floats) -> Floats:
         """Return the derivatives by place and heading of what `residuals` takes off, (n, 3)."""
@@ -128,6 +128,14 @@ class BorderEchoes:
             at = at[np.linspace(0, len(at) - 1, MOST_ECHOES).astype(int)]
         ahead, left = echoes.x[at], echoes.y[at]
         return cls(ahead, left, np.hypot(DEVIATION, BEARING * np.hypot(ahead, left)))
+
+
+def middle_of(numbers: Floats) -> float:
+    """Return the median of some numbers (n,), the greater one of two in the middle.
+
+    `np.median` takes ten times as long, and the first time 16 ms.
+    """
+    return float(np.sort(numbers)[len(numbers) // 2])
 
 
 def _placed(ahead: Floats, left: Floats, state: Floats) -> tuple[Floats, Floats]:

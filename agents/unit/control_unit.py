@@ -132,15 +132,16 @@ class ControlUnit:
             self._begin(readings.fix)
             return
         self._is_busy = readings.echoes is not None or readings.fix is not None
+        self._is_busy |= self.fusion.timeline.is_behind
         taken = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
-        if taken is not None:
-            self.watch.judge(Sensor.FIXES, is_believed=taken[1])
-        if taken is not None and taken[1]:
-            self._fix_s, self._source = readings.time_s, taken[0].source
-        elif readings.beacons and self.fusion.is_ranged:
+        if readings.beacons and self.fusion.is_ranged:
             self._fix_s, self._source = readings.time_s, Source.BEACONS
+        for fix, is_believed in taken:
+            self.watch.judge(Sensor.FIXES, is_believed=is_believed)
+            if is_believed:
+                self._fix_s, self._source = readings.time_s, fix.source
         self._look(readings.echoes, dt)
 
     def _forget_later_than(self, now_s: float) -> None:

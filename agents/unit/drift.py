@@ -57,7 +57,7 @@ class Drift:
         both, pivot = np.zeros((4, 4)), np.array([self.pivot, 0.0, 0.0, 0.0])
         both[:2, :2] = both[2:, 2:] = (cos, sin), (-sin, cos)
         return [
-            track.with_motion(both @ (track.state - pivot), both @ track.covariance @ both.T)
+            track.with_motion(both.dot(track.state - pivot), both.dot(track.covariance).dot(both.T))
             for track in tracks
         ]
 

@@ -35,7 +35,6 @@ from race_agents.unit.motion import (
     antenna_jacobian,
     drive_on,
     jacobian_of,
-    process_noise,
     velocity_jacobian,
     velocity_of,
     wrap,
@@ -97,7 +96,8 @@ class KartFilter(Corrected):
         self._lever = lever
         agility = agility or Agility()
         # Tyres that are not said to slip do not soften either.
-        self._agility = agility if compliance else replace(agility, compliance_drift=0.0)
+        agility = agility if compliance else replace(agility, compliance_drift=0.0)
+        self._noise = agility.noise(feels=False), agility.noise(feels=True)
         back_x, back_y = x - lever * math.cos(heading), y - lever * math.sin(heading)
         super().__init__()
         self.state[[X, Y, HEADING]] = back_x, back_y, heading
@@ -140,15 +140,10 @@ class KartFilter(Corrected):
         self._calm_s = self._calm_s + dt if is_calm else 0.0
         self._seen_s += dt
         slope = jacobian_of(self.state, dt)
-        noise = process_noise(float(self.state[HEADING]), dt, self._agility, feels=push is not None)
-        ahead, aside = self.push = push or (0.0, 0.0)
-        half = np.zeros(SIZE)
-        half[SPEED], half[SLIDE] = 0.5 * dt * ahead, 0.5 * dt * aside
-        state = drive_on(self.state + half, dt) + half
-        state[HEADING] = wrap(float(state[HEADING]))
-        self.state = state
-        covariance = slope @ self.covariance @ slope.T + noise
-        self.covariance = 0.5 * (covariance + covariance.T)
+        half = (0.5 * dt) * self._noise[push is not None]
+        self.push = push or (0.0, 0.0)
+        self.state = drive_on(self.state, dt, self.push)
+        self.covariance = slope.dot(self.covariance + half).dot(slope.T) + half
         if blow > 0.0:
             speed = abs(float(self.state[SPEED])) + blow * dt
             slid, turned = speed * speed * SLIDE_S * dt, (blow * dt) ** 2
@@ -227,8 +222,8 @@ class KartFilter(Corrected):
             return False  # over the beacon a range has no direction
         row = (away / far) @ antenna_jacobian(self.state, self._lever)
         residual = distance - far
-        shared = self.covariance @ row
-        spread = float(row @ shared)
+        shared = self.covariance.dot(row)
+        spread = float(row.dot(shared))
         off = abs(residual) / math.sqrt(spread + deviation**2)
         self.squares["range"] = off * off
         if off > FARTHEST:
@@ -308,8 +303,8 @@ class KartFilter(Corrected):
         row[COMPLIANCE] = abs(speed) * smooth
         row[SPEED] = math.copysign(compliance, speed) * smooth
         residual = -float(self.state[SLIDE]) - compliance * abs(speed) * load
-        shared = self.covariance @ row
-        spread = float(row @ shared) + deviation**2
+        shared = self.covariance.dot(row)
+        spread = float(row.dot(shared)) + deviation**2
         square = residual**2 / spread
         self.squares["grip"] = square
         if square < PLAIN:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_agents.unit.borders import BorderEchoes, Borders
+from race_agents.unit.borders import BorderEchoes, Borders, middle_of
 from race_agents.unit.ekf import FARTHEST, KartFilter
 from race_agents.unit.gyro_check import GyroCheck
 from race_agents.unit.inertial import Inertial
@@ -74,26 +74,19 @@ class Estimator:
         self._looked_s = -math.inf  # at borders
         self._vehicle, self._borders = vehicle, borders
         self._time_s = time_s
-        self._held: Late | None = None  # a fix that waits for the next turn
         # Turning rates [rad/s] that were told last, by the gyro and by the steering, and when.
         self._rates: dict[bool, tuple[float, float]] = {True: (0.0, time_s)}
 
-    def sense(self, readings: Readings, at_least: float = 0.0) -> tuple[Fix, bool] | None:
-        """Take the newest readings; return the fix that was taken, and whether it was believed.
+    def sense(self, readings: Readings, at_least: float = 0.0) -> list[tuple[Fix, bool]]:
+        """Take the newest readings; return each fix once it is taken, and whether it was believed.
 
-        A late one that comes with a scan is taken at the next turn, since each costs much time, and
-        one that comes while another waits waits as well. at_least: speed [m/s] that the kart has,
-        by what needs no wheels.
+        The past is not driven again in a turn with a scan, since each costs much time. at_least:
+        speed [m/s] that the kart has, by what needs no wheels.
         """
-        held = self._held if readings.time_s >= self._time_s else None
         tick, fix = self._tick(readings, at_least), readings.fix
-        self._time_s, self._held = readings.time_s, None
+        self._time_s = readings.time_s
         late = None if fix is None else self._late(fix, readings.time_s)
-        comes_late = late is not None and late.time_s < tick.begins_s
-        if held is not None or (comes_late and readings.echoes is not None):
-            late, self._held = held, late
-        believed = self.timeline.advance(tick, late)
-        return None if late is None else (late.fix, believed)
+        return self.timeline.advance(tick, late, waits=readings.echoes is not None)
 
     def _late(self, fix: Fix, now_s: float) -> Late:
         """Return a fix with the moment it tells of."""
@@ -164,7 +157,7 @@ class Estimator:
         # What has been put right of the heading already is not known, so half of it is tried.
         back = self.state.copy()
         back[HEADING] -= 0.5 * found * (readings.time_s - self._gyro_found_s + LATE_S)
-        here, there = (np.median(np.abs(sighting.residuals(at))) for at in (self.state, back))
+        here, there = (middle_of(np.abs(sighting.residuals(at))) for at in (self.state, back))
         if there > here:
             return None
         self._gyro_off_s = readings.time_s

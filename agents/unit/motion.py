@@ -42,18 +42,37 @@ class Agility:
         """Return the agility of a vehicle: what is short turns faster."""
         return cls(yaw_acceleration=TURNS * vehicle.grip * GRAVITY / vehicle.wheelbase)
 
+    def noise(self, *, feels: bool) -> Floats:
+        """Return what a second adds to the covariance, shape (10, 10), diagonal.
 
-def drive_on(state: Floats, dt: float) -> Floats:
-    """Return the state `dt` seconds later at constant speeds and turn rate."""
-    numbers = state.tolist()
-    heading, speed, slide, rate = (numbers[at] for at in (HEADING, SPEED, SLIDE, YAW_RATE))
+        feels: whether an accelerometer tells how the speed changes. Half of a step's comes before
+        the kart drives on and half after it: so it reaches the place as white noise does, but for
+        terms of the third order in the step's time.
+        """
+        variances = np.zeros(SIZE)
+        variances[SPEED] = (self.felt if feels else self.acceleration) ** 2
+        variances[YAW_RATE], variances[SLIDE] = self.yaw_acceleration**2, self.slide**2
+        variances[BIAS], variances[SCALE] = self.bias_drift**2, self.scale_drift**2
+        variances[COMPLIANCE], variances[DELAY] = self.compliance_drift**2, self.delay_drift**2
+        return np.diag(variances)
+
+
+def drive_on(state: Floats, dt: float, push: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Return the state `dt` seconds later at one turn rate.
+
+    push: how the speeds ahead and to the left change [m/s²]; half of it before the way is driven.
+    """
+    x, y, heading, speed, rate, _, slide, *_ = state.tolist()
+    faster, wider = 0.5 * dt * push[0], 0.5 * dt * push[1]
+    speed, slide = speed + faster, slide + wider
     along, aside = arc(rate, dt)
     cos, sin = math.cos(heading), math.sin(heading)
     ahead, left = speed * along - slide * aside, speed * aside + slide * along
     result = state.copy()
-    result[X] += ahead * cos - left * sin
-    result[Y] += ahead * sin + left * cos
-    result[HEADING] = heading + rate * dt
+    result[X] = x + ahead * cos - left * sin
+    result[Y] = y + ahead * sin + left * cos
+    result[HEADING] = wrap(heading + rate * dt)
+    result[SPEED], result[SLIDE] = speed + faster, slide + wider
     return result
 
 
@@ -78,8 +97,7 @@ def arc_slope(rate: float, dt: float) -> tuple[float, float]:
 
 def jacobian_of(state: Floats, dt: float) -> Floats:
     """Return the derivative of `drive_on` by the state, shape (10, 10)."""
-    numbers = state.tolist()
-    heading, v, u, rate = (numbers[at] for at in (HEADING, SPEED, SLIDE, YAW_RATE))
+    _, _, heading, v, rate, _, u, *_ = state.tolist()
     along, aside = arc(rate, dt)
     along_slope, aside_slope = arc_slope(rate, dt)
     ahead, left = v * along - u * aside, v * aside + u * along
@@ -98,28 +116,6 @@ def jacobian_of(state: Floats, dt: float) -> Floats:
     result[Y, SLIDE] = along * cos - aside * sin
     result[X, YAW_RATE] = ahead_by_rate * cos - left_by_rate * sin
     result[Y, YAW_RATE] = ahead_by_rate * sin + left_by_rate * cos
-    return result
-
-
-def process_noise(heading: float, dt: float, agility: Agility, *, feels: bool = False) -> Floats:
-    """Return what driving on for `dt` seconds adds to the covariance, shape (10, 10).
-
-    feels: whether an accelerometer tells how the speed changes. The covariance of `dt` seconds is
-    the sum of those of its parts, but for terms of dt².
-    """
-    half = 0.5 * dt
-    cos, sin = math.cos(heading), math.sin(heading)
-    ways = np.zeros((SIZE, 3))
-    ways[X, 0], ways[Y, 0], ways[SPEED, 0] = half * cos, half * sin, 1.0
-    ways[HEADING, 1], ways[YAW_RATE, 1] = half, 1.0
-    ways[X, 2], ways[Y, 2], ways[SLIDE, 2] = -half * sin, half * cos, 1.0
-    pace = agility.felt if feels else agility.acceleration
-    squares = np.array([pace**2 * dt, agility.yaw_acceleration**2 * dt, agility.slide**2 * dt])
-    result: Floats = (ways * squares) @ ways.T
-    result[BIAS, BIAS] = agility.bias_drift**2 * dt
-    result[SCALE, SCALE] = agility.scale_drift**2 * dt
-    result[COMPLIANCE, COMPLIANCE] = agility.compliance_drift**2 * dt
-    result[DELAY, DELAY] = agility.delay_drift**2 * dt
     return result
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from race_agents.unit.borders import middle_of
 from race_agents.unit.readings import Fix, Readings
 from race_agents.unit.safety import Echoes
 from race_server.core import codes
@@ -77,5 +78,5 @@ class SeenMotion:
         if np.count_nonzero(used) < BORDERS:
             return None
         far = np.hypot(ahead[used], echoes.y[used])
-        speed = float(np.median(echoes.closing[used] * far / ahead[used]))
+        speed = middle_of(echoes.closing[used] * far / ahead[used])
         return speed, speed

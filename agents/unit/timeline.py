@@ -2,7 +2,8 @@
 
 A receiver needs about 100 ms to say where its antenna was, in which a kart at 60 km/h moves 1.7 m.
 The filter is set back to the moment of the fix, takes it, and drives forward again with the
-readings that were kept.
+readings that were kept: some steps in each turn, so that no turn takes much longer than the others.
+Until it is there, the filter of before goes on.
 """
 
 from bisect import insort
@@ -16,6 +17,9 @@ from race_agents.unit.readings import Fix, Range
 from race_agents.unit.tyres import Tyres
 
 HORIZON_S = 0.7
+# Steps that are driven again in one turn; of more that are left, a share of them. One with borders
+# takes as long as this number of steps.
+STEPS, SHARE, LIKE_STEPS = 5, 3, 4
 # A gyro that is off is found out after about this time [s].
 LATE_S = 0.5
 
@@ -74,53 +78,97 @@ class Timeline:
         self.filter, self._tyres = filtered, tyres
         self._lever, self._borders = lever, borders
         self._past: deque[Past] = deque()
+        self._behind = 0  # steps at the end of the past that have to be driven again
+        self._asked: list[Late] = []  # fixes of which it is not known yet whether they are believed
+        self._answers: list[tuple[Fix, bool]] = []
 
-    def advance(self, tick: Tick, late: Late | None = None) -> bool:
+    @property
+    def is_behind(self) -> bool:
+        """Whether a part of the past has to be driven again."""
+        return self._behind > 0
+
+    def advance(
+        self, tick: Tick, late: Late | None = None, *, waits: bool = False
+    ) -> list[tuple[Fix, bool]]:
         """Drive on and take what the sensors on board gave, and a fix that came meanwhile.
 
-        Return whether the fix was believed. One of the past comes first: what is driven again is
-        then a step less.
+        Return fixes and whether they were believed, each once that is known: what is of the past is
+        driven again in this turn or, where it `waits`, in the next ones. Borders wait then, too.
         """
         if self._past and tick.ends_s < self._past[-1].tick.ends_s:
             self._past.clear()  # the clock was set back: what was noted is of another time
-        is_past = late is not None and late.time_s < tick.begins_s
-        believed = late is not None and is_past and self.insert(late)
-        past = Past(self.filter.snapshot(), tick)
+            self._behind, self._asked = 0, []
+        self._answers, fixes = [], []
+        if late is not None:
+            self._asked.append(late)
+            if late.time_s > tick.begins_s:
+                fixes.append(late)
+            else:
+                self._insert(late)
+        if self._behind and not waits:
+            self._drive_again()
+        past = Past(self.filter.snapshot(), tick, fixes)
         self._past.append(past)
-        self._live(past)
+        self._live(past, waits=waits)
+        if self._behind or (waits and tick.borders is not None):
+            self._behind += 1
         while self._past[0].tick.ends_s < tick.ends_s - HORIZON_S:
             self._past.popleft()
-        return believed if late is None or is_past else self.insert(late)
+        self._behind = min(self._behind, len(self._past))
+        return self._answers
 
-    def insert(self, late: Late) -> bool:
-        """Take a fix where it belongs; False if it was not believed."""
-        if not self._past or late.time_s >= self._past[-1].tick.ends_s:
-            return self._see(late)
-        if late.time_s < self._past[0].tick.begins_s:
-            return False
-        place = len(self._past) - 1
-        while late.time_s < self._past[place].tick.begins_s:
-            place -= 1
-        insort(self._past[place].fixes, late)
-        self.filter.restore(self._past[place].before)
-        believed = False
-        for number in range(place, len(self._past)):
-            past = self._past[number]
-            past.before = self.filter.snapshot()
-            believed |= self._live(past, late)
-        return believed
+    def _insert(self, late: Late) -> None:
+        """Note a fix where it belongs; one from before all that is known is not believed."""
+        if not self._past or late.time_s < self._past[0].tick.begins_s:
+            self._tell(late, is_believed=False)
+            return
+        behind, most = 1, len(self._past)
+        while behind < most and late.time_s <= self._past[-behind].tick.begins_s:
+            behind += 1
+        insort(self._past[-behind].fixes, late)
+        self._behind = max(self._behind, behind)
 
-    def _live(self, past: Past, asked: Late | None = None) -> bool:
-        """Go through one step; return whether the fix that is asked for was believed."""
-        tick, now, believed = past.tick, past.tick.begins_s, False
+    def _drive_again(self) -> None:
+        """Drive some steps of the past again; once all are, that is where the kart is."""
+        filtered, now = self.filter, self.filter.snapshot()
+        work = max(STEPS, self._behind // SHARE)
+        filtered.restore(self._past[-self._behind].before)
+        while self._behind and work > 0:
+            past = self._past[-self._behind]
+            past.before = filtered.snapshot()
+            self._live(past)
+            self._behind -= 1
+            work -= 1 if past.tick.borders is None else LIKE_STEPS
+        if self._behind:
+            self._past[-self._behind].before = filtered.snapshot()
+            filtered.restore(now)
+
+    def _live(self, past: Past, *, waits: bool = False) -> None:
+        """Go through one step: a fix of its end comes after what the sensors on board gave.
+
+        waits: borders are left out, which will be seen when the step is driven again.
+        """
+        tick, now = past.tick, past.tick.begins_s
+        at_end = []
         for late in past.fixes:
+            if late.time_s >= tick.ends_s:
+                at_end.append(late)
+                continue
             self._predict(tick, late.time_s - now)
             now = late.time_s
-            is_believed = self._see(late)
-            believed |= is_believed and late is asked
+            self._tell(late, is_believed=self._see(late))
         self._predict(tick, tick.ends_s - now)
         self._take(tick)
-        return believed
+        if not waits:
+            self._see_borders(tick)
+        for late in at_end:
+            self._tell(late, is_believed=self._see(late))
+
+    def _tell(self, late: Late, *, is_believed: bool) -> None:
+        """Say whether a fix is believed, when it is taken for the first time."""
+        if late in self._asked:
+            self._asked.remove(late)
+            self._answers.append((late.fix, is_believed))
 
     def _predict(self, tick: Tick, dt: float) -> None:
         self.filter.predict(dt, push=tick.push(self.filter, self._lever), blow=tick.blow)
@@ -139,11 +187,13 @@ class Timeline:
             filtered.see_rest()
         for beacon in tick.beacons:
             filtered.see_range(beacon.x, beacon.y, beacon.distance, beacon.deviation)
+
+    def _see_borders(self, tick: Tick) -> None:
         if tick.borders is not None and self._borders is not None:
             # Which border an echo is of follows from where the kart is taken to be by now.
-            seen = self._borders.sighting(tick.borders, filtered.state)
+            seen = self._borders.sighting(tick.borders, self.filter.state)
             if seen is not None:
-                filtered.see_borders(seen)
+                self.filter.see_borders(seen)
 
     def _see(self, late: Late) -> bool:
         """Take a fix of this very moment."""

@@ -112,11 +112,11 @@ def carry(track: Track, ego: Ego, dt: float) -> None:
     both[:2, :2] = both[2:, 2:] = turn
     slope = np.eye(4)
     slope[0, 2] = slope[1, 3] = dt
-    slope = both @ slope
-    track.state = both @ state
+    slope = both.dot(slope)
+    track.state = both.dot(state)
     pace = DRIVEN if track.kind == codes.KART_HIT else RESTLESS
     noise = pace**2 * np.diag([dt**3 / 3.0, dt**3 / 3.0, dt, dt])
-    track.covariance = slope @ track.covariance @ slope.T + noise
+    track.covariance = slope.dot(track.covariance).dot(slope.T) + noise
     track.missed += 1
 
 
@@ -129,7 +129,8 @@ def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
     cos, sin = ray.tolist()
     across = across_of(math.hypot(*place), track.kind)
     moves = np.array([0.0, 0.0, cos, sin])
-    off, spread = doppler - float(moves @ track.state), float(moves @ track.covariance @ moves)
+    off = doppler - float(moves.dot(track.state))
+    spread = float(moves.dot(track.covariance).dot(moves))
     if off * off > HIT * HIT * (spread + DOPPLER * DOPPLER):
         track.covariance = track.covariance + UNKNOWN_SPEED
     for row, told, deviation in (
@@ -137,10 +138,10 @@ def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
         (np.array([-sin, cos, 0.0, 0.0]), cos * place[1] - sin * place[0], across),
         (moves, doppler, DOPPLER),
     ):
-        shared = track.covariance @ row
-        spread = float(row @ shared) + deviation**2
+        shared = track.covariance.dot(row)
+        spread = float(row.dot(shared)) + deviation**2
         gain = shared / spread
-        track.state = track.state + gain * (told - float(row @ track.state))
+        track.state = track.state + gain * (told - float(row.dot(track.state)))
         track.covariance = track.covariance - gain[:, None] * shared
 
 

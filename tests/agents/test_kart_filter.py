@@ -57,14 +57,14 @@ def test_the_filter_is_that_of_filterpy() -> None:
     ours.state[3] = 5.0
     theirs = ExtendedKalmanFilter(dim_x=motion.SIZE, dim_z=2)
     theirs.x, theirs.P = ours.state.copy(), ours.covariance.copy()
-    agility = motion.Agility(compliance_drift=0.0)  # tyres that do not slip do not soften
+    # Tyres that do not slip do not soften.
+    noise = motion.Agility(compliance_drift=0.0).noise(feels=False)
     rate_row = np.zeros((1, motion.SIZE))
     rate_row[0, 4] = rate_row[0, 5] = 1.0
     for _, speed, rate, fix in simulated(20.0):
         theirs.F = jacobian_of(theirs.x, 0.02)
-        noise = motion.process_noise(float(theirs.x[2]), 0.02, agility)
-        after = drive_on(theirs.x, 0.02)
-        theirs.P = theirs.F @ theirs.P @ theirs.F.T + noise
+        after, half = drive_on(theirs.x, 0.02), 0.01 * noise
+        theirs.P = theirs.F @ (theirs.P + half) @ theirs.F.T + half
         theirs.x = after
         ours.predict(0.02)
         believed = ours.see_speed(speed, 0.1), ours.see_yaw_rate(rate, 0.02)
