@@ -12,7 +12,7 @@ import numpy as np
 
 from race_agents.plant.gaps import gap_between
 from race_agents.plant.kart import Plant
-from race_agents.plant.radar import Floats, Person, Surroundings, gap_to, outline_of
+from race_agents.plant.radar import Floats, Person, Surroundings, gap_to, outlines_of
 from race_agents.plant.sensors import Sensors
 from race_agents.plant.told import Move, Told, heading_of
 from race_agents.unit.control_unit import ControlUnit
@@ -179,5 +179,5 @@ def _gap_of_karts(row: Floats, plant: Plant) -> float:
     body, vehicle = plant.body, plant.body.vehicle
     if math.hypot(float(row[0]) - body.x, float(row[1]) - body.y) > 2.0 * vehicle.length:
         return math.inf
-    own = outline_of(np.array([body.x, body.y, body.heading]), vehicle)
-    return gap_between(own, outline_of(row, vehicle))
+    own = outlines_of(np.array([[body.x, body.y, body.heading]]), vehicle)
+    return gap_between(own, outlines_of(row[None], vehicle))

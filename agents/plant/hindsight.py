@@ -7,7 +7,7 @@ import numpy as np
 
 from race_agents.plant.gaps import gap_between
 from race_agents.plant.raced import SCAN_S, Frame
-from race_agents.plant.radar import Floats, Surroundings, outline_of
+from race_agents.plant.radar import Floats, Surroundings, outlines_of
 from race_agents.unit.limits import Limits
 from race_agents.unit.safety import way_along
 from race_server.core.messages import Status
@@ -93,10 +93,10 @@ def came_close(frames: Sequence[Frame], seat: int, vehicle: Vehicle, borders: Fl
         if abs(speed - before) > BLOW:
             return True
         x, y, heading = (float(own[name][0]) for name in ("x", "y", "heading"))
-        body, reach = outline_of(np.array([x, y, heading]), vehicle), 2.0 * vehicle.length
+        body, reach = outlines_of(np.array([[x, y, heading]]), vehicle), 2.0 * vehicle.length
         for row in rows_of(karts[karts["seat"] != seat]):
             if math.hypot(row[0] - x, row[1] - y) < reach:
-                other = outline_of(row, vehicle)
+                other = outlines_of(row[None], vehicle)
                 if gap_between(body, other) < CLOSE:
                     return True
         near = around.borders_near(x, y, reach)

@@ -10,7 +10,6 @@ from race_agents.plant.body import Body
 from race_agents.unit.safety import Echoes
 from race_server.core import codes
 from race_server.core.vehicles import Vehicle
-from race_server.scenario.track.polyline import corners_of_box, segments_of
 from race_server.scenario.track.raycast import are_near, first_met
 
 Floats = NDArray[np.float64]
@@ -84,9 +83,10 @@ def scan(
     x, y = body.x + nose * cos, body.y + nose * sin
     reach = REACH_LENGTHS * vehicle.length
     walls = around.borders_near(x, y, reach)
-    karts = np.concatenate(
-        [outline_of(row, vehicle) for row in around.others] or [np.zeros((0, 4))]
-    )
+    # No beam meets what lies behind the radar with both ends.
+    ends = walls.reshape(-1, 2, 2) - (x, y)
+    walls = walls[(ends @ (cos, sin) > 0.0).any(axis=1)]
+    karts = outlines_of(around.others, vehicle)
     segments = np.concatenate([walls, karts])
     kinds = np.array([codes.BORDER] * len(walls) + [codes.KART_HIT] * len(karts), np.uint8)
     drift = np.concatenate([np.zeros((len(walls), 2)), np.repeat(around.others[:, 3:], 4, axis=0)])
@@ -154,8 +154,8 @@ def scan_all_around(body: Body, around: Surroundings, angles: Floats, reach: flo
     angles: (R,) [rad] of its rays, from straight ahead.
     """
     walls = around.borders_near(body.x, body.y, reach)
-    karts = [outline_of(row, body.vehicle) for row in around.others]
-    segments, ways = np.concatenate([walls, *karts]), angles + body.heading
+    karts = outlines_of(around.others, body.vehicle)
+    segments, ways = np.concatenate([walls, karts]), angles + body.heading
     ranges, _ = first_met(segments, body.x, body.y, ways, reach)
     for person in around.people:
         ranges = np.minimum(ranges, _range_of_disc(person, body.x, body.y, ways))
@@ -172,11 +172,18 @@ def _range_of_disc(person: Person, x: float, y: float, angles: Floats) -> Floats
     return np.where(is_met, np.maximum(along - half, 0.0), np.inf)
 
 
-def outline_of(row: Floats, vehicle: Vehicle) -> Floats:
-    """Return the four sides of a kart's body, (4, 4). row: x, y, heading and more of the kart."""
-    x, y, heading = row[:3]
-    x, y = x + vehicle.box_offset * math.cos(heading), y + vehicle.box_offset * math.sin(heading)
-    return segments_of(corners_of_box(x, y, heading, vehicle.length, vehicle.width))
+def outlines_of(rows: Floats, vehicle: Vehicle) -> Floats:
+    """Return the sides of karts' bodies, four of each, (4 n, 4): x0, y0, x1, y1 [m].
+
+    rows: (n, 3 or more) x, y, heading of each kart.
+    """
+    cos, sin = np.cos(rows[:, 2, None]), np.sin(rows[:, 2, None])
+    half = 0.5 * vehicle.width
+    ahead = vehicle.box_offset + 0.5 * vehicle.length * np.array([1.0, -1.0, -1.0, 1.0])
+    left = np.array([half, half, -half, -half])
+    x, y = rows[:, 0, None] + ahead * cos - left * sin, rows[:, 1, None] + ahead * sin + left * cos
+    corners = np.stack([x, y], axis=2)
+    return np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
 
 
 def _see_person(
