@@ -95,12 +95,13 @@ class LiveLaps:
         ahead = gaps_ahead(along, speed, racing, self._length)
         behind = gaps_behind(along, speed, racing, self._length)
         drives = racing & (karts["effects"] == 0) & (karts["flags"] & KartFlag.WRONG_WAY == 0)
-        is_cautioned = frame.flag in (Flag.YELLOW, Flag.RED)
+        is_cautioned = karts["flags"] & KartFlag.YELLOW != 0
+        is_cautioned |= frame.flag in (Flag.YELLOW, Flag.RED)
         return [
             Glance(
                 *(int(row["seat"]), seconds, float(along[place]), float(speed[place])),
                 *(float(ahead[place]), float(behind[place])),
-                is_cautioned,
+                bool(is_cautioned[place]),
                 bool(drives[place]),
             )
             for place, row in enumerate(karts)

@@ -64,6 +64,7 @@ class KartFlag(IntFlag):
     REAL = 16  # moved by its own poses
     DOUBTFUL = 32  # as in Trust
     SUSPENDED = 64  # as in Trust, or out for good: no sensor sees it
+    YELLOW = 128  # a yellow flag is shown to it, for a kart near it that is in doubt
 
 
 class RayHit(IntEnum):

@@ -103,6 +103,7 @@ def test_karts_that_stand_at_home_and_a_course_without_karts_are_nothing_to_note
         ({}, ""),
         ({"effects": 1.0}, "10.0 s under an item's effect"),
         ({"flag": Flag.YELLOW}, "10.0 s under a flag"),
+        ({"flags": KartFlag.YELLOW}, "10.0 s under a flag"),
     ],
 )
 def test_a_lap_that_says_nothing_of_its_driver_is_not_compared(

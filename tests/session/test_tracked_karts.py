@@ -12,6 +12,7 @@ from race_server.core.messages import (
     Button,
     Control,
     EventKind,
+    KartFlag,
     PoseFault,
     RayHit,
     Retirement,
@@ -109,6 +110,7 @@ def test_a_doubtful_kart_touches_nobody_and_calls_a_yellow_flag_around_it() -> N
     assert flag == 1.0
     snapshot = snapshot_of(session)
     assert snapshot.karts["flags"][0] & (16 | 32)
+    assert snapshot.karts["flags"][1] & KartFlag.YELLOW
 
 
 def test_a_kart_far_from_the_trouble_sees_no_flag() -> None:

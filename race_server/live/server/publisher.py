@@ -241,6 +241,7 @@ def snapshot_of(session: Session) -> SnapshotFrame:
         KartFlag.REAL: trust != codes.SIMULATED,
         KartFlag.DOUBTFUL: trust == codes.DOUBTFUL,
         KartFlag.SUSPENDED: trust >= codes.SUSPENDED,
+        KartFlag.YELLOW: racers["yellow"],
     }
     karts["flags"] = sum(holds.astype(np.uint8) * bit.value for bit, holds in bits.items())
     placed = world.hazards[0][world.hazards["until_tick"][0] > tick]

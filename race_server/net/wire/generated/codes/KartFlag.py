@@ -10,3 +10,4 @@ class KartFlag(object):
     REAL = 16
     DOUBTFUL = 32
     SUSPENDED = 64
+    YELLOW = 128

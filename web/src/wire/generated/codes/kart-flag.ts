@@ -9,5 +9,6 @@ export enum KartFlag {
   IMMUNE = 8,
   REAL = 16,
   DOUBTFUL = 32,
-  SUSPENDED = 64
+  SUSPENDED = 64,
+  YELLOW = 128
 }
