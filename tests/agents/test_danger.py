@@ -220,14 +220,22 @@ def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_d
     assert danger_of(beside, 14.0, 0.0, LIMITS).stage is stage
 
 
-@pytest.mark.parametrize(("unsure", "stage"), [(0.5, DangerStage.FULL), (1.6, DangerStage.EASE)])
-def test_a_kart_beside_of_which_little_is_known_is_not_braked_fully_for(
-    unsure: float, stage: DangerStage
+@pytest.mark.parametrize(
+    ("place", "velocity", "speed"),
+    [
+        # It comes over at 1.5 m/s: 1.2 m/s less, and it stays 0.4 m beside the way until passed.
+        ((4.0, -1.3), (9.0, 1.5), 16.0),
+        # It crosses at 2.7 m/s, 2 m ahead: 1.2 m/s more, and it is through before the kart is there.
+        ((2.0, -1.1), (5.1, 2.7), 8.5),
+    ],
+)
+def test_a_kart_beside_is_braked_fully_for_only_if_it_is_met_at_slower_and_at_faster_speeds(
+    place: tuple[float, float], velocity: tuple[float, float], speed: float
 ) -> None:
-    # 7 m/s slower, 4 m before the bumper and 1.3 m to the right, it comes over at 1.5 m/s.
-    beside = track_at(4.0, -1.3, 9.0, 1.5, kind=codes.KART_HIT)
-    beside.covariance[2, 2] = unsure**2
-    assert danger_of(beside, 16.0, 0.0, LIMITS).stage is stage
+    beside = track_at(*place, *velocity, kind=codes.KART_HIT)
+    assert danger_of(beside, speed, 0.0, LIMITS).stage is DangerStage.FULL
+    beside.covariance[3, 3] = 1.2**2
+    assert danger_of(beside, speed, 0.0, LIMITS).stage is DangerStage.EASE
 
 
 @pytest.mark.parametrize("speed", [8.0, 14.0, 18.0, 30.0])

@@ -206,7 +206,7 @@ def test_who_is_slower_and_gets_in_the_way_is_braked_for_rightly(
 
 def drives_towards(place: float, stops_at: float) -> Iterator[Frame]:
     """Yield a kart that drives 15 m/s up to a place, and another one that stands."""
-    for number in range(60):
+    for number in range(120):
         x = min(0.75 * number, stops_at)
         speed = 15.0 if x < stops_at else 0.0
         yield Frame(3 * number, karts((x, 0.0, 0.0, speed), (place, 0.0, 0.0, 0.0)))
@@ -218,6 +218,9 @@ def test_shadow_mode_finds_the_brake_for_a_kart_that_stands_and_calls_it_right()
     assert found.count(DangerStage.FULL) >= 1
     assert found.count_needless(DangerStage.FULL) == found.count_false(DangerStage.FULL) == 0
     assert found.metres == pytest.approx(38.0, abs=1.0)
+    # It is met after 2.5 s, at the 50th frame: a race that ends before shows no end of it.
+    until = Raced("one", FAR, (KART_60, KART_60), islice(drives_towards(40.0, 38.0), 48))
+    assert shadow([until]).count(DangerStage.FULL) == 0
 
 
 def test_races_are_driven_by_eight_karts_and_the_same_again_under_the_same_seed() -> None:
