@@ -40,6 +40,10 @@ KEPT = 0.6
 # In this time [s] brakes hold a kart back by less than that. A kart beside that comes over more
 # slowly than this [m/s] keeps its lane, as far as a radar can tell.
 FLANK_S, SIDLES = 0.75, 1.0
+# How a kart moves whose speed has this deviation [m/s] is not known; after half a second it is.
+VAGUE = 1.5
+# A kart drives along that goes at this share of the own speed at least along the way.
+ALONG = 0.5
 # A driver that does this share of the usual braking has seen what is ahead: nothing of what the
 # brakes can do is kept back.
 BRAKES = 0.5
@@ -176,8 +180,9 @@ class Ahead:
     def _keeps_off(self, track: Track, foreseen: Foreseen, at: tuple[int, int], first: int) -> bool:
         """Return whether no full brakes are due for a kart that is beside the way now.
 
-        It drives into the flank so soon that they do not help, or keeps its lane; or it would not
-        be met if it came over faster, or more slowly, by the deviation of its speed.
+        It drives into the flank so soon that they do not help, or keeps its lane; or it has just
+        come into view, and may as well cut in ahead. One that drives along has to be met as well if
+        it comes over faster, or more slowly, by the deviation of its speed.
         """
         now, then = abs(foreseen.aside.item(*at, 0)), abs(foreseen.aside.item(*at, first))
         if now <= self.limits.half_width:
@@ -185,6 +190,8 @@ class Ahead:
         time_s, is_flank = float(TIMES[first]), foreseen.gap.item(*at, first) < -PASSED
         if is_flank and (time_s < FLANK_S or now - then < SIDLES * time_s):
             return True
+        if foreseen.pace.item(at) < ALONG * self.speed:
+            return track.unsure > VAGUE
         off, beside = track.unsure * TIMES, self._usual[at[1]]
         return not all(
             (foreseen.passes[at] & (np.abs(aside) < beside)).any()

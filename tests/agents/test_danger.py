@@ -225,7 +225,7 @@ def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_d
     [
         # It comes over at 1.5 m/s: 1.2 m/s less, and it stays 0.4 m beside the way until passed.
         ((4.0, -1.3), (9.0, 1.5), 16.0),
-        # It crosses at 2.7 m/s, 2 m ahead: 1.2 m/s more, and it is through before the kart is there.
+        # It crosses at 2.7 m/s, 2 m ahead: 1.2 m/s more, and it is through before it is met.
         ((2.0, -1.1), (5.1, 2.7), 8.5),
     ],
 )
