@@ -194,9 +194,9 @@ def _follow(
             seat, vehicle = int(row["seat"]), follower.vehicle
             met_s = max(min(danger.time_s + AFTER_S, LATEST_S), SOON_S)
             soon = list(islice(later, round(met_s / SCAN_S)))
-            if len(soon) < round(met_s / SCAN_S):
-                continue  # the race ended before it was known
             needless = not came_close(soon, seat, vehicle, race.borders)
+            if needless and len(soon) < round(met_s / SCAN_S):
+                continue  # the race ended before that was known
             false = needless and not was_blocked(soon, seat, vehicle, follower.limits)
             result.acts.append(
                 Act(race.name, tick, seat, danger.stage, speed, danger, needless, false)

@@ -87,7 +87,7 @@ class ControlUnit:
     _time_s: float = 0.0
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
-    _is_busy: bool = False  # in this turn came a scan or a fix, which take time
+    _is_busy: bool = False  # in this turn is a scan, or a late fix is taken: that takes time
     _is_braking: bool = False  # the reflex began to brake for something and is not through
     _met: Danger = NO_DANGER  # what it braked fully for last
     _met_s: float = -math.inf  # when a person was last seen in the way, or near

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from race_agents.unit.foreseen import CREEP, PASSED, TIMES, Foreseen, Movers
+from race_agents.unit.foreseen import CREEP, PASSED, STEP_S, TIMES, Foreseen, Movers
 from race_agents.unit.limits import RACED, Limits
 from race_agents.unit.safety import STRAIGHT
 from race_agents.unit.track import Track
@@ -42,8 +42,9 @@ KEPT = 0.6
 FLANK_S, SIDLES = 0.75, 1.0
 # How a kart moves whose speed has this deviation [m/s] is not known; after half a second it is.
 VAGUE = 1.5
-# A kart drives along that goes at this share of the own speed at least along the way.
-ALONG = 0.5
+# A kart drives along that goes at this share of the own speed at least along the way; it crosses
+# slantwise where it comes over at this share of that.
+ALONG, SLANTS = 0.5, 0.5
 # A driver that does this share of the usual braking has seen what is ahead: nothing of what the
 # brakes can do is kept back.
 BRAKES = 0.5
@@ -182,21 +183,24 @@ class Ahead:
 
         It drives into the flank so soon that they do not help, or keeps its lane; or it has just
         come into view, and may as well cut in ahead. One that drives along has to be met as well if
-        it comes over faster, or more slowly, by the deviation of its speed.
+        it comes over more slowly by the deviation of its speed, and one that crosses slantwise if
+        it is faster by that.
         """
-        now, then = abs(foreseen.aside.item(*at, 0)), abs(foreseen.aside.item(*at, first))
+        aside, pace = foreseen.aside[at], foreseen.pace.item(at)
+        now, then, next_ = (abs(aside.item(step)) for step in (0, first, 1))
         if now <= self.limits.half_width:
             return False
         time_s, is_flank = float(TIMES[first]), foreseen.gap.item(*at, first) < -PASSED
         if is_flank and (time_s < FLANK_S or now - then < SIDLES * time_s):
             return True
-        if foreseen.pace.item(at) < ALONG * self.speed:
+        if pace < ALONG * self.speed:
             return track.unsure > VAGUE
-        off, beside = track.unsure * TIMES, self._usual[at[1]]
-        return not all(
-            (foreseen.passes[at] & (np.abs(aside) < beside)).any()
-            for aside in (foreseen.aside[at] - off, foreseen.aside[at] + off)
-        )
+        off = math.copysign(track.unsure, aside.item(0)) * TIMES
+        asides = [aside + off]
+        if now - next_ > SLANTS * pace * STEP_S:
+            asides.append(aside - off)
+        passes, beside = foreseen.passes[at], self._usual[at[1]]
+        return not all((passes & (np.abs(each) < beside)).any() for each in asides)
 
 
 def _margin(

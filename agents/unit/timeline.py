@@ -1,9 +1,9 @@
-"""The last 0.7 s of a filter: a fix that comes late is taken where it belongs.
+"""The last 0.8 s of a filter: a fix that comes late is taken where it belongs.
 
 A receiver needs about 100 ms to say where its antenna was, in which a kart at 60 km/h moves 1.7 m.
 The filter is set back to the moment of the fix, takes it, and drives forward again with the
 readings that were kept: some steps in each turn, so that no turn takes much longer than the others.
-Until it is there, the filter of before goes on.
+Until it is there, a few turns later, the filter of before goes on, and fixes that come wait.
 """
 
 from bisect import insort
@@ -16,10 +16,10 @@ from race_agents.unit.motion import SLIDE, SPEED, YAW_RATE
 from race_agents.unit.readings import Fix, Range
 from race_agents.unit.tyres import Tyres
 
-HORIZON_S = 0.7
-# Steps that are driven again in one turn; of more that are left, a share of them. One with borders
-# takes as long as this number of steps.
-STEPS, SHARE, LIKE_STEPS = 5, 3, 4
+HORIZON_S = 0.8
+# The past is driven again in this number of turns at most, in each this number of steps at least.
+# One with borders takes as long as some.
+TURNS, STEPS, LIKE_STEPS = 3, 5, 4
 # A gyro that is off is found out after about this time [s].
 LATE_S = 0.5
 
@@ -50,13 +50,13 @@ class Tick:
         return float(ahead), float(self.felt[1] - turn * speed)
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True, eq=False)
 class Late:
     """A fix and the moment that it tells of."""
 
     time_s: float
-    fix: Fix = field(compare=False)
-    lag: float | None = field(compare=False)  # [s] that was taken for its delay, None: stamped
+    fix: Fix
+    lag: float | None  # [s] that was taken for its delay, None: stamped
 
 
 @dataclass
@@ -79,69 +79,89 @@ class Timeline:
         self._lever, self._borders = lever, borders
         self._past: deque[Past] = deque()
         self._behind = 0  # steps at the end of the past that have to be driven again
-        self._asked: list[Late] = []  # fixes of which it is not known yet whether they are believed
+        self._turns = 0  # in which that has to be done
+        self._has_waited = False  # in the last turn
+        self._waiting: list[Late] = []  # fixes that come meanwhile
+        self._asked: list[Late] = []  # fixes that are in the past and were not seen yet
         self._answers: list[tuple[Fix, bool]] = []
 
     @property
     def is_behind(self) -> bool:
         """Whether a part of the past has to be driven again."""
-        return self._behind > 0
+        return bool(self._behind or self._waiting)
 
     def advance(
         self, tick: Tick, late: Late | None = None, *, waits: bool = False
     ) -> list[tuple[Fix, bool]]:
         """Drive on and take what the sensors on board gave, and a fix that came meanwhile.
 
-        Return fixes and whether they were believed, each once that is known: what is of the past is
-        driven again in this turn or, where it `waits`, in the next ones. Borders wait then, too.
+        Return fixes and whether they were believed, each once that is known. waits: the past is
+        driven again in other turns, but for every other one, and borders are seen then.
         """
         if self._past and tick.ends_s < self._past[-1].tick.ends_s:
-            self._past.clear()  # the clock was set back: what was noted is of another time
-            self._behind, self._asked = 0, []
-        self._answers, fixes = [], []
+            self._forget()  # the clock was set back: what was noted is of another time
+        self._answers, self._has_waited = [], waits and not self._has_waited
         if late is not None:
-            self._asked.append(late)
-            if late.time_s > tick.begins_s:
-                fixes.append(late)
-            else:
-                self._insert(late)
-        if self._behind and not waits:
+            self._waiting.append(late)
+        fixes = [] if self._behind else self._insert(tick)
+        if self._behind and not self._has_waited:
             self._drive_again()
         past = Past(self.filter.snapshot(), tick, fixes)
         self._past.append(past)
-        self._live(past, waits=waits)
-        if self._behind or (waits and tick.borders is not None):
-            self._behind += 1
-        while self._past[0].tick.ends_s < tick.ends_s - HORIZON_S:
+        self._live(past, waits=self._has_waited)
+        if self._behind or (self._has_waited and tick.borders is not None):
+            self._behind, self._turns = self._behind + 1, self._turns or TURNS
+        while len(self._past) > self._behind + 1 and self._is_old(self._past[0], tick.ends_s):
             self._past.popleft()
-        self._behind = min(self._behind, len(self._past))
         return self._answers
 
-    def _insert(self, late: Late) -> None:
-        """Note a fix where it belongs; one from before all that is known is not believed."""
-        if not self._past or late.time_s < self._past[0].tick.begins_s:
-            self._tell(late, is_believed=False)
-            return
-        behind, most = 1, len(self._past)
-        while behind < most and late.time_s <= self._past[-behind].tick.begins_s:
-            behind += 1
-        insort(self._past[-behind].fixes, late)
-        self._behind = max(self._behind, behind)
+    def _forget(self) -> None:
+        self._past.clear()
+        self._behind = self._turns = 0
+        self._waiting, self._asked = [], []
+
+    def _is_old(self, past: Past, now_s: float) -> bool:
+        return past.tick.ends_s < now_s - HORIZON_S
+
+    def _insert(self, tick: Tick) -> list[Late]:
+        """Note fixes that wait where they belong; return those of a step that begins.
+
+        One from before all that is known is not believed.
+        """
+        now: list[Late] = []
+        waiting, self._waiting = self._waiting, []
+        self._asked += waiting
+        for late in waiting:
+            if late.time_s > tick.begins_s or not self._past:
+                insort(now, late, key=_time_of)
+            elif late.time_s < self._past[0].tick.begins_s:
+                self._tell(late, is_believed=False)
+            else:
+                behind, most = 1, len(self._past)
+                while behind < most and late.time_s <= self._past[-behind].tick.begins_s:
+                    behind += 1
+                insort(self._past[-behind].fixes, late, key=_time_of)
+                self._behind, self._turns = max(self._behind, behind), TURNS
+        return now
 
     def _drive_again(self) -> None:
         """Drive some steps of the past again; once all are, that is where the kart is."""
         filtered, now = self.filter, self.filter.snapshot()
-        work = max(STEPS, self._behind // SHARE)
+        whole = sum(_cost_of(self._past[-place]) for place in range(1, self._behind + 1))
+        work = max(STEPS, whole / self._turns)
         filtered.restore(self._past[-self._behind].before)
         while self._behind and work > 0:
             past = self._past[-self._behind]
             past.before = filtered.snapshot()
             self._live(past)
             self._behind -= 1
-            work -= 1 if past.tick.borders is None else LIKE_STEPS
+            work -= _cost_of(past)
+        self._turns -= 1
         if self._behind:
             self._past[-self._behind].before = filtered.snapshot()
             filtered.restore(now)
+        else:
+            self._turns = 0
 
     def _live(self, past: Past, *, waits: bool = False) -> None:
         """Go through one step: a fix of its end comes after what the sensors on board gave.
@@ -206,3 +226,12 @@ class Timeline:
         if fix.heading is not None:
             filtered.see_heading(fix.heading, fix.heading_deviation)
         return believed
+
+
+def _time_of(late: Late) -> float:
+    return late.time_s
+
+
+def _cost_of(past: Past) -> int:
+    """Return how long a step takes, as a number of steps."""
+    return 1 if past.tick.borders is None else LIKE_STEPS

@@ -229,13 +229,30 @@ def test_a_kart_beside_that_drifts_over_keeps_its_lane_and_one_that_comes_over_d
         ((2.0, -1.1), (5.1, 2.7), 8.5),
     ],
 )
-def test_a_kart_beside_is_braked_fully_for_only_if_it_is_met_at_slower_and_at_faster_speeds(
+def test_a_kart_beside_that_may_be_slower_or_faster_than_it_seems_may_not_be_met(
     place: tuple[float, float], velocity: tuple[float, float], speed: float
 ) -> None:
     beside = track_at(*place, *velocity, kind=codes.KART_HIT)
     assert danger_of(beside, speed, 0.0, LIMITS).stage is DangerStage.FULL
     beside.covariance[3, 3] = 1.2**2
     assert danger_of(beside, speed, 0.0, LIMITS).stage is DangerStage.EASE
+
+
+@pytest.mark.parametrize("over", [2.5, 3.0, 3.5])
+def test_a_kart_that_cuts_in_is_braked_fully_for_though_its_speed_is_not_known_well(
+    over: float,
+) -> None:
+    # 5 m/s slower, 3 m before the bumper and half a metre clear of it: in at most 0.6 s.
+    cuts_in = track_at(3.0, 0.7 + 0.25 * over, 8.0, -over, kind=codes.KART_HIT)
+    cuts_in.covariance[3, 3] = 1.2**2
+    assert danger_of(cuts_in, 13.0, 0.0, LIMITS).stage is DangerStage.FULL
+
+
+def test_a_kart_that_crosses_is_braked_fully_for_though_its_speed_is_not_known_well() -> None:
+    # It comes out 4 m beside the way at 20 km/h: 1.2 m/s less, and the kart would be past it.
+    across = track_at(6.0, -4.0, 0.0, 5.5, kind=codes.KART_HIT)
+    across.covariance[3, 3] = 1.2**2
+    assert danger_of(across, 8.0, 0.0, LIMITS).stage is DangerStage.FULL
 
 
 @pytest.mark.parametrize("speed", [8.0, 14.0, 18.0, 30.0])

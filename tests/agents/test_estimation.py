@@ -14,7 +14,6 @@ from race_agents.unit.estimator import Estimator
 from race_agents.unit.inertial import Inertial
 from race_agents.unit.motion import DELAY, HEADING, SPEED, YAW_RATE, Agility, X, Y, drive_on
 from race_agents.unit.readings import Fix, Readings
-from race_agents.unit.safety import Echoes
 from race_agents.unit.wheels import Wheels
 from race_server.core.vehicle_presets import KART_60
 from support.courses import ring
@@ -63,91 +62,10 @@ def test_a_kart_that_moves_as_is_assumed_is_off_by_as_much_as_the_filter_says() 
     assert NIS_BAND[0] < np.mean(nis) < NIS_BAND[1]
 
 
-def straight(turn: int, fix: Fix | None, acceleration: tuple[float, float] | None) -> Readings:
-    return Readings(turn * STEP, 10.0, 0.0, 0.0, acceleration, fix)
-
-
 def test_a_kart_knows_its_place_no_better_than_its_first_fix_told_it() -> None:
     for told, known in ((5.0, 5.0), (0.02, 1.0)):  # in each of two directions
         estimator = Estimator(KART_60, Fix(0.0, 0.0, told), 0.0, 0.0)
         assert estimator.deviation == pytest.approx(math.sqrt(2.0) * known)
-
-
-def test_a_fix_that_comes_late_counts_as_if_it_had_come_in_time() -> None:
-    # East at 10 m/s; each fix is told at once, or 0.2 s later with its stamp.
-    states = []
-    for late in (0, 10):
-        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
-        for turn in range(1, 121):
-            of, fix = turn - late, None
-            if of > 0 and of % 10 == 0 and of <= 100:
-                fix = Fix(0.2 * of + 0.03, 0.02, 0.05, stamp_s=of * STEP)
-            estimator.sense(straight(turn, fix, (0.0, 0.0)))
-        states.append(estimator.state)
-    assert states[0][X] == pytest.approx(states[1][X], abs=1e-9)
-    assert states[0] == pytest.approx(states[1], abs=1e-9)
-
-
-def test_fixes_that_overtake_each_other_are_put_in_order() -> None:
-    states = []
-    for order in ((20, 30), (30, 20)):
-        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
-        for turn in range(1, 41):
-            fix = None
-            if turn in (35, 36):
-                of = order[turn - 35]
-                fix = Fix(0.2 * of, 0.05, 0.05, stamp_s=of * STEP + 0.007)
-            estimator.sense(straight(turn, fix, None))
-        states.append(estimator.state)
-    assert states[0] == pytest.approx(states[1], abs=1e-9)
-
-
-def test_a_stamp_older_than_the_past_that_is_kept_tells_nothing() -> None:
-    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
-    for turn in range(1, 101):
-        estimator.sense(straight(turn, None, None))
-    # At 2.02 s: taken for 0.1 s late, as receivers are, and not for 1.02 s.
-    taken = [
-        estimator.sense(straight(101, Fix(10.0, 0.0, 0.05, stamp_s=1.0), None)),
-        estimator.sense(straight(102, Fix(19.4, 0.0, 0.05, stamp_s=1.02), None)),
-    ]
-    assert [[believed for _, believed in each] for each in taken] == [[False], [True]]
-
-
-def with_scan(readings: Readings) -> Readings:
-    return replace(readings, echoes=Echoes.nothing())
-
-
-def test_a_late_fix_that_comes_with_a_scan_is_taken_at_the_next_turn() -> None:
-    estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
-    for turn in range(1, 100):
-        estimator.sense(straight(turn, None, None))
-    fix = Fix(19.0, 0.0, 0.05, stamp_s=1.9)
-    assert estimator.sense(with_scan(straight(100, fix, None))) == []
-    assert estimator.sense(straight(101, None, None)) == [(fix, True)]
-    assert estimator.sense(straight(102, None, None)) == []
-    # Two that wait are taken in the order of what they tell of.
-    fixes = [Fix(0.2 * turn - 1.0, 0.0, 0.05, stamp_s=0.02 * turn - 0.1) for turn in (103, 104)]
-    for turn, fix in zip((103, 104), reversed(fixes), strict=True):
-        assert estimator.sense(with_scan(straight(turn, fix, None))) == []
-    assert estimator.sense(straight(105, None, None)) == [(fixes[0], True), (fixes[1], True)]
-
-
-def test_a_fix_far_in_the_past_is_driven_again_in_parts_to_the_same_end() -> None:
-    states = []
-    for asks in (True, False):
-        estimator = Estimator(KART_60, Fix(0.0, 0.0, 0.05), 0.0, 0.0)
-        for turn in range(1, 61):
-            # In the past when it comes 24 steps late; of now when it comes in time.
-            told = turn == (54 if asks else 30)
-            fix = Fix(6.05, 0.03, 0.05, stamp_s=30 * STEP) if told else None
-            estimator.sense(straight(turn, fix, None))
-            if asks and turn >= 54:
-                # Of 24 steps eight are driven again, then five in each turn; one comes with each.
-                left = {54: 17, 55: 13, 56: 9, 57: 5}.get(turn, 0)
-                assert estimator.timeline.is_behind is (left > 0)
-        states.append(estimator.state)
-    assert states[0] == pytest.approx(states[1], abs=1e-9)
 
 
 def trip(seconds: float, **sensors: float | bool) -> Trip:
