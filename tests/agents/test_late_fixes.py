@@ -95,7 +95,7 @@ def test_a_fix_far_in_the_past_is_driven_again_in_parts_to_the_same_end() -> Non
     assert states[0] == pytest.approx(states[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("scans", [1, 5, 1000])  # one in so many turns
+@pytest.mark.parametrize("scans", [1, 5, 1000])  # one in this number of turns
 @pytest.mark.parametrize("late", [4, 15, 30])  # turns
 @pytest.mark.parametrize("every", [1, 2, 5])  # turns
 def test_fixes_that_come_while_others_are_taken_count_as_if_they_had_come_in_time(
