@@ -82,11 +82,12 @@ class Objects:
         best = min(free, key=lambda track: distance_to(track, x, y), default=None)
         if best is not None and distance_to(best, x, y) < GATE:
             before = float(best.state[2:] @ ray)
-            correct(best, np.array([x, y]), ray, doppler)
+            is_hit = correct(best, np.array([x, y]), ray, doppler)
             best.scans, best.missed = best.scans + 1, 0
             best.half_width += 0.3 * (half - best.half_width)
             best.kind = kind if best.scans < BORN or kind == best.kind else best.kind
-            best.slow_down(ray, (before - float(best.state[2:] @ ray)) / max(dt, 1e-3))
+            if not is_hit:  # a blow is no braking, and does not go on
+                best.slow_down(ray, (before - float(best.state[2:] @ ray)) / max(dt, 1e-3))
             return
         self._born += 1
         state = np.array([x, y, *(doppler * ray)])

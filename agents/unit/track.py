@@ -120,18 +120,20 @@ def carry(track: Track, ego: Ego, dt: float) -> None:
     track.missed += 1
 
 
-def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
+def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> bool:
     """Correct a track by a place (2,) [m] and a speed over ground along a ray [m/s].
 
     What is off along the ray, across it, and in speed are three numbers that err by themselves. A
-    thing whose speed is far from what was expected was hit: how it moves now is not known.
+    thing whose speed is far from what was expected was hit: how it moves now is not known. Return
+    whether it was.
     """
     cos, sin = ray.tolist()
     across = across_of(math.hypot(*place), track.kind)
     moves = np.array([0.0, 0.0, cos, sin])
     off = doppler - float(moves.dot(track.state))
     spread = float(moves.dot(track.covariance).dot(moves))
-    if off * off > HIT * HIT * (spread + DOPPLER * DOPPLER):
+    is_hit = off * off > HIT * HIT * (spread + DOPPLER * DOPPLER)
+    if is_hit:
         track.covariance = track.covariance + UNKNOWN_SPEED
     for row, told, deviation in (
         (np.array([cos, sin, 0.0, 0.0]), cos * place[0] + sin * place[1], PLACE),
@@ -143,6 +145,7 @@ def correct(track: Track, place: Floats, ray: Floats, doppler: float) -> None:
         gain = shared / spread
         track.state = track.state + gain * (told - float(row.dot(track.state)))
         track.covariance = track.covariance - gain[:, None] * shared
+    return is_hit
 
 
 def spread_of(ray: Floats, far: float, kind: int) -> Floats:

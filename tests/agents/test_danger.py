@@ -1,6 +1,7 @@
 """What a kart makes of its echoes: objects, how dangerous they are, and when it brakes."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, fields
 from functools import partial
 
@@ -274,6 +275,25 @@ def test_how_a_kart_moves_that_was_hit_is_not_known() -> None:
         correct(track, track.state[:2].copy(), ray, told * ray[0])
         across = track.velocity[0] * -ray[1] + track.velocity[1] * ray[0]
         assert (abs(across) > 1.0) == is_known
+
+
+def slowing_after(speeds: Sequence[float]) -> float:
+    """Return by how much a kart straight ahead slows down that is seen at these speeds [m/s]."""
+    places, kinds = np.array([-0.3, 0.0, 0.3]), np.full(3, codes.KART_HIT, np.uint8)
+    ways = 10.0 + SCAN_S * np.cumsum(speeds)
+    scans = [
+        Echoes(np.full(3, way), places, np.full(3, -speed), kinds)
+        for way, speed in zip(ways, speeds, strict=True)
+    ]
+    (track,) = looked(scans, speed=0.0).tracks
+    return track.slowing
+
+
+def test_a_kart_that_is_hit_slows_down_at_once_and_no_more() -> None:
+    braking = [10.0] * 10 + [10.0 - 0.3 * number for number in range(1, 9)]  # 6 m/s²
+    hit = [10.0] * 10 + [5.0, 5.0]
+    assert slowing_after(braking) == pytest.approx(6.0, abs=1.5)
+    assert slowing_after(hit) < 2.0
 
 
 @pytest.mark.parametrize(("slide", "stage"), [(0.5, DangerStage.FULL), (2.5, DangerStage.NONE)])
