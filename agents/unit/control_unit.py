@@ -56,6 +56,8 @@ STANDS = 0.05  # [m/s]
 ROLLS = 2.0
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
+# A scan with borders is driven again in the next turn: as much as this number of steps.
+MUCH_WORK = 4
 # What may be people: not every radar tells one from a thing.
 PEOPLE = (codes.OBSTACLE, codes.PERSON)
 
@@ -87,7 +89,7 @@ class ControlUnit:
     _time_s: float = 0.0
     _fix_s: float = -math.inf
     _source: Source = Source.UNKNOWN
-    _is_busy: bool = False  # in this turn is a scan, or a late fix is taken: that takes time
+    _is_busy: bool = False  # in this turn is a scan, or much of the past was driven again
     _is_braking: bool = False  # the reflex began to brake for something and is not through
     _met: Danger = NO_DANGER  # what it braked fully for last
     _met_s: float = -math.inf  # when a person was last seen in the way, or near
@@ -131,9 +133,8 @@ class ControlUnit:
         if self.fusion is None:
             self._begin(readings.fix)
             return
-        self._is_busy = readings.echoes is not None or readings.fix is not None
-        self._is_busy |= self.fusion.timeline.is_behind
         taken = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
+        self._is_busy = readings.echoes is not None or self.fusion.timeline.work > MUCH_WORK
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
         if readings.beacons and self.fusion.is_ranged:

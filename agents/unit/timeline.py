@@ -19,7 +19,7 @@ from race_agents.unit.tyres import Tyres
 HORIZON_S = 0.8
 # The past is driven again in this number of turns at most, in each this number of steps at least.
 # One with borders takes as long as some.
-TURNS, STEPS, LIKE_STEPS = 3, 5, 4
+TURNS, STEPS, LIKE_STEPS = 2, 6, 4
 # A gyro that is off is found out after about this time [s].
 LATE_S = 0.5
 
@@ -78,17 +78,13 @@ class Timeline:
         self.filter, self._tyres = filtered, tyres
         self._lever, self._borders = lever, borders
         self._past: deque[Past] = deque()
+        self.work = 0  # that was driven again in the last turn, in steps without borders
         self._behind = 0  # steps at the end of the past that have to be driven again
         self._turns = 0  # in which that has to be done
         self._has_waited = False  # in the last turn
         self._waiting: list[Late] = []  # fixes that come meanwhile
         self._asked: list[Late] = []  # fixes that are in the past and were not seen yet
         self._answers: list[tuple[Fix, bool]] = []
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether a part of the past has to be driven again."""
-        return bool(self._behind or self._waiting)
 
     def advance(
         self, tick: Tick, late: Late | None = None, *, waits: bool = False
@@ -104,6 +100,7 @@ class Timeline:
         if late is not None:
             self._waiting.append(late)
         fixes = [] if self._behind else self._insert(tick)
+        self.work = 0
         if self._behind and not self._has_waited:
             self._drive_again()
         past = Past(self.filter.snapshot(), tick, fixes)
@@ -148,14 +145,14 @@ class Timeline:
         """Drive some steps of the past again; once all are, that is where the kart is."""
         filtered, now = self.filter, self.filter.snapshot()
         whole = sum(_cost_of(self._past[-place]) for place in range(1, self._behind + 1))
-        work = max(STEPS, whole / self._turns)
+        most = max(STEPS, whole / self._turns)
         filtered.restore(self._past[-self._behind].before)
-        while self._behind and work > 0:
+        while self._behind and self.work < most:
             past = self._past[-self._behind]
             past.before = filtered.snapshot()
             self._live(past)
             self._behind -= 1
-            work -= _cost_of(past)
+            self.work += _cost_of(past)
         self._turns -= 1
         if self._behind:
             self._past[-self._behind].before = filtered.snapshot()
