@@ -40,6 +40,7 @@ from race_agents.unit.safety import (
     watch_speed,
 )
 from race_agents.unit.sensor_watch import FAILED, SensorWatch
+from race_agents.unit.timeline import LIKE_STEPS
 from race_server.core import codes
 from race_server.core.alert import Advice, Alert, Cause, Danger, DangerStage
 from race_server.core.messages import Button, Control, Flag, Pose, Source, Trust
@@ -56,8 +57,6 @@ STANDS = 0.05  # [m/s]
 ROLLS = 2.0
 # A person last seen this long ago [s] may still be there: beside a front corner no beam reaches.
 UNSEEN_S = 3.0
-# A scan with borders is driven again in the next turn: as much as this number of steps.
-MUCH_WORK = 4
 # What may be people: not every radar tells one from a thing.
 PEOPLE = (codes.OBSTACLE, codes.PERSON)
 
@@ -134,7 +133,7 @@ class ControlUnit:
             self._begin(readings.fix)
             return
         taken = self.fusion.sense(readings, self.watch.seen.surely(self._time_s))
-        self._is_busy = readings.echoes is not None or self.fusion.timeline.work > MUCH_WORK
+        self._is_busy = readings.echoes is not None or self.fusion.timeline.work > LIKE_STEPS
         self.watch.judge(Sensor.WHEELS, is_believed=not self.fusion.wheels.is_lost)
         self.watch.judge(Sensor.GYRO, is_believed=not self.fusion.is_gyro_off)
         if readings.beacons and self.fusion.is_ranged:

@@ -8,7 +8,7 @@ Until it is there, a few turns later, the filter of before goes on, and fixes th
 
 from bisect import insort
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from race_agents.unit.borders import BorderEchoes, Borders
 from race_agents.unit.ekf import KartFilter, Snapshot
@@ -18,7 +18,7 @@ from race_agents.unit.tyres import Tyres
 
 HORIZON_S = 0.8
 # The past is driven again in this number of turns at most, in each this number of steps at least.
-# One with borders takes as long as some.
+# One with borders takes as long as some, and is as a rule all that the turn after a scan drives.
 TURNS, STEPS, LIKE_STEPS = 2, 6, 4
 # A gyro that is off is found out after about this time [s].
 LATE_S = 0.5
@@ -65,7 +65,7 @@ class Past:
 
     before: Snapshot
     tick: Tick
-    fixes: list[Late] = field(default_factory=list)
+    fixes: list[Late]
 
 
 class Timeline:
