@@ -24,6 +24,7 @@ from race_server.core.kernel_driver import (
     Cockpits,
     cockpit_at,
 )
+from race_server.core.kernels.geometry import distance_to_box
 from race_server.core.kernels.jit import kernel
 from race_server.core.kernels.motion import Command
 from race_server.core.observation import PART_NUMBERS
@@ -195,24 +196,12 @@ def rooms(cockpit: Cockpit, points: int, command: Command, steps: int) -> tuple[
         at_x, at_y = x + middle * cos, y + middle * sin
         for place in range(MOVERS):
             ahead, aside, radius = mover_from(cockpit, place, at_x, at_y, (step + 1) * STEP_S)
-            away = distance_to_body(ahead, aside, cos, sin, long, wide)
+            away = distance_to_box(ahead, aside, cos, sin, long, wide)
             moving = min(moving, away - radius)
         for point in range(points):
             dx, dy = memory[KEPT + 2 * point] - at_x, memory[KEPT + 2 * point + 1] - at_y
-            standing = min(standing, distance_to_body(dx, dy, cos, sin, long, wide))
+            standing = min(standing, distance_to_box(dx, dy, cos, sin, long, wide))
     return moving, standing
-
-
-@kernel
-def distance_to_body(x: float, y: float, cos: float, sin: float, long: float, wide: float) -> float:
-    """Return the distance [m] from a point to a body, 0 inside of it.
-
-    x, y: of the point from the middle of the body [m]; cos, sin: of the body's heading; long, wide:
-    half of its length and width [m].
-    """
-    along = max(abs(x * cos + y * sin) - long, 0.0)
-    across = max(abs(y * cos - x * sin) - wide, 0.0)
-    return math.sqrt(along * along + across * across)
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from race_agents.planning.path_follower import ANGLE, GEAR, HEADING, LAST, X, Y
 from race_agents.planning.scan import ray_angle
 from race_server.core.free_space.rig import Rig, Towed, pose_ahead, towed_by
-from race_server.core.kernels.geometry import Pose, cos_sin
+from race_server.core.kernels.geometry import Pose, cos_sin, distance_to_box
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.state import Floats, Record
 from race_server.core.vehicles import GRAVITY
@@ -134,18 +134,15 @@ def _is_expected(chart: Chart, x: float, y: float) -> bool:
         if dx * dx + dy * dy < NEARNESS * NEARNESS:
             return True
     for box in range(len(chart.boxes)):
-        if distance_to_box(chart.boxes[box], x, y) < NEARNESS:
+        if _away(chart.boxes[box], x, y) < NEARNESS:
             return True
     return False
 
 
 @kernel
-def distance_to_box(box: Floats, x: float, y: float) -> float:
-    """Return the distance [m] from a point to a box, (6,) as in `Chart`; 0 inside of it."""
-    dx, dy = x - box[0], y - box[1]
-    along = max(abs(dx * box[2] + dy * box[3]) - box[4], 0.0)
-    across = max(abs(dy * box[2] - dx * box[3]) - box[5], 0.0)
-    return math.sqrt(along * along + across * across)
+def _away(box: Floats, x: float, y: float) -> float:
+    """Return the distance [m] from a point to a box, (6,) as in `Chart`."""
+    return distance_to_box(x - box[0], y - box[1], box[2], box[3], box[4], box[5])
 
 
 @large_kernel
@@ -186,7 +183,7 @@ def _is_near(points: Floats, count: int, passed_s: float, box: Floats) -> bool:
     """Return whether anything seen may be at a box after a time [s]. box: (6,) as in `Chart`."""
     for number in range(count):
         near = RESERVE + WALK * (passed_s + min(points[number, 2], WALKED_S))
-        if distance_to_box(box, points[number, 0], points[number, 1]) < near:
+        if _away(box, points[number, 0], points[number, 1]) < near:
             return True
     return False
 

@@ -24,7 +24,6 @@ from race_agents.planning.unexpected import (
     Chart,
     Eye,
     chart_around,
-    distance_to_box,
     keep_in_mind,
     safe_speed,
     unexpected_points,
@@ -107,13 +106,6 @@ def test_a_block_of_the_map_is_expected() -> None:
     ranges[44:47] = 3.0
     block = np.array([[3.5, 0.0, 1.0, 0.0, 0.5, 0.5]])
     assert len(seen(ranges, Chart(NO_WALLS, block))) == 0
-
-
-def test_the_distance_to_a_turned_box_is_that_to_its_side() -> None:
-    box = np.array([0.0, 0.0, 0.0, 1.0, 2.0, 1.0])  # it points north
-    assert distance_to_box(box, 4.0, 0.0) == pytest.approx(3.0)
-    assert distance_to_box(box, 0.0, 4.0) == pytest.approx(2.0)
-    assert distance_to_box(box, 0.5, -0.5) == 0.0
 
 
 def test_what_leaves_the_field_of_view_is_kept_in_mind_for_a_while() -> None:

@@ -12,6 +12,7 @@ from race_server.core.kernels.boxes import Hull
 from race_server.core.kernels.geometry import (
     ROUGHNESS,
     cos_sin,
+    distance_to_box,
     ray_to_box,
     rough_angle,
     wrap_angle,
@@ -125,6 +126,13 @@ def test_a_box_three_metres_ahead_is_hit_at_its_front() -> None:
 
 def test_a_ray_past_a_box_misses_it() -> None:
     assert ray_to_box(-3.0, 0.3, 1.0, 0.0, 0.5, 0.2) == math.inf
+
+
+def test_the_distance_to_a_turned_box_is_that_to_its_side() -> None:
+    north = 0.0, 1.0, 2.0, 1.0  # where a box of 4 m by 2 m points, and half of both
+    assert distance_to_box(4.0, 0.0, *north) == pytest.approx(3.0)
+    assert distance_to_box(0.0, 4.0, *north) == pytest.approx(2.0)
+    assert distance_to_box(0.5, -0.5, *north) == 0.0
 
 
 def test_a_box_behind_is_not_hit() -> None:

@@ -136,3 +136,17 @@ def ray_to_box(
         a, b = (-half_width - y) / sin, (half_width - y) / sin
         near, far = max(near, min(a, b)), min(far, max(a, b))
     return near if near <= far else math.inf
+
+
+@kernel
+def distance_to_box(
+    x: float, y: float, cos: float, sin: float, half_length: float, half_width: float
+) -> float:
+    """Return the distance [m] from a point to a box, 0 inside of it.
+
+    x, y: of the point from the middle of the box [m]; cos, sin: of the heading of the box;
+    half_length, half_width: of the box [m].
+    """
+    along = max(abs(x * cos + y * sin) - half_length, 0.0)
+    across = max(abs(y * cos - x * sin) - half_width, 0.0)
+    return math.sqrt(along * along + across * across)
