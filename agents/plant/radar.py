@@ -100,8 +100,8 @@ def scan(
     seen = seen_kinds > 0
     ranges = ranges + chance.normal(0.0, 0.002 * vehicle.length, len(ranges))
     ways = bearings + body.heading
-    own_x = body.speed * cos - body.lateral_speed * sin
-    own_y = body.speed * sin + body.lateral_speed * cos
+    aside = body.lateral_speed + nose * body.yaw_rate
+    own_x, own_y = body.speed * cos - aside * sin, body.speed * sin + aside * cos
     closing = (own_x - moving[:, 0]) * np.cos(ways) + (own_y - moving[:, 1]) * np.sin(ways)
     rows = np.stack([ranges, bearings, closing], axis=1)[seen]
     rows, met = disturb(rows, seen_kinds[seen], reach, errors, chance)

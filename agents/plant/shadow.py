@@ -108,17 +108,19 @@ class Follower:
         row: this kart; others: (n, 5) x, y, heading and velocity of the others; told: by them.
         """
         x, y, heading, speed = (float(row[name]) for name in ("x", "y", "heading", "speed"))
-        slide = float(row["lateral_speed"]) - self.vehicle.rear_axle * float(row["yaw_rate"])
-        body = Body(self.vehicle, x, y, heading, speed, float(row["lateral_speed"]))
+        yaw_rate = float(row["yaw_rate"])
+        body = Body(self.vehicle, x, y, heading, speed, float(row["lateral_speed"]), yaw_rate)
+        slide = body.lateral_speed - self.vehicle.rear_axle * yaw_rate
         echoes = scan(body, Surroundings(self.borders, others), self.chance, self.errors)
-        self._motion.advance(speed, slide, float(row["yaw_rate"]), SCAN_S)
-        self.objects.look(echoes, self._motion.take(speed, body.lateral_speed), SCAN_S)
+        self._motion.advance(speed, slide, yaw_rate, SCAN_S)
+        aside = slide + self.limits.nose * yaw_rate
+        self.objects.look(echoes, self._motion.take(speed, aside), SCAN_S)
         wanted = math.tan(float(row["steering"])) / self.vehicle.wheelbase
-        now = float(row["yaw_rate"]) / speed if speed > SLOW else wanted
+        now = yaw_rate / speed if speed > SLOW else wanted
         sensed = self.objects.tracks, self.objects.loose
         drift = STRAIGHT_ON
         if speed > SLOW:
-            drift = Drift.of(speed, slide, float(row["yaw_rate"]), self.limits)
+            drift = Drift.of(speed, slide, yaw_rate, self.limits)
         lost = max(self._speed - speed, 0.0) / SCAN_S if now_s - self._looked_s < APART_S else 0.0
         self._speed, self._looked_s = speed, now_s
         arcs = Arcs(speed, now, wanted, drift, min(lost, self.limits.promised))

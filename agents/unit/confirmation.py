@@ -62,12 +62,12 @@ class Past(NamedTuple):
         none = np.zeros(0)
         return cls(Echoes.nothing(), none, none, np.zeros(0, np.int64))
 
-    def carried(self, ego: Ego, dt: float) -> "Past":
+    def carried(self, ego: Ego, dt: float, radar: float = 0.0) -> "Past":
         """Return them in the kart's frame of a scan later, but for those that are too old."""
         kept = self.ago < SCANS
         x, y = self.x[kept] - ego.ahead, self.y[kept] - ego.left
         cos, sin = math.cos(ego.turned), math.sin(ego.turned)
-        echoes = moved(self.echoes.kept(kept), ego, dt)
+        echoes = moved(self.echoes.kept(kept), ego, dt, radar)
         return Past(echoes, cos * x + sin * y, cos * y - sin * x, self.ago[kept] + 1)
 
     def with_scan(self, echoes: Echoes, radar: float) -> "Past":
@@ -81,17 +81,25 @@ class Past(NamedTuple):
         )
 
 
-def moved(echoes: Echoes, ego: Ego, dt: float) -> Echoes:
-    """Return where echoes are a scan later: nearer by their closing speed, turned by the kart."""
-    far = np.maximum(np.hypot(echoes.x, echoes.y), 1e-6)
+def moved(echoes: Echoes, ego: Ego, dt: float, radar: float = 0.0) -> Echoes:
+    """Return where echoes are a scan later: nearer by their closing speed, turned by the kart.
+
+    radar: [m] that the radar is ahead of the rear axle; it swings aside as the kart turns.
+    """
+    ahead = echoes.x - radar
+    far = np.maximum(np.hypot(ahead, echoes.y), 1e-6)
     nearer = np.maximum(1.0 - echoes.closing * dt / far, 0.0)
-    # The kart's own way across the ray is no part of the closing speed.
-    cos, sin = echoes.x / far, echoes.y / far
-    drift = -ego.ahead * sin + ego.left * cos
-    x, y = echoes.x * nearer + drift * sin, echoes.y * nearer - drift * cos
+    # The radar's own way across the ray is no part of the closing speed.
+    cos, sin = ahead / far, echoes.y / far
     turn_cos, turn_sin = math.cos(ego.turned), math.sin(ego.turned)
+    way, swing = ego.ahead + radar * (turn_cos - 1.0), ego.left + radar * turn_sin
+    drift = swing * cos - way * sin
+    x, y = ahead * nearer + drift * sin, echoes.y * nearer - drift * cos
     return Echoes(
-        turn_cos * x + turn_sin * y, turn_cos * y - turn_sin * x, echoes.closing, echoes.kinds
+        turn_cos * x + turn_sin * y + radar,
+        turn_cos * y - turn_sin * x,
+        echoes.closing,
+        echoes.kinds,
     )
 
 
@@ -118,11 +126,12 @@ def confirmed(
     if not is_thing.any():
         return echoes.kept(kept)
     for_thing = was_thing.sum(axis=1) + here[:, THING]
-    for_border = (was_border & ~was_thing).sum(axis=1) + here[:, BORDER] + _lies_on_border(echoes)
+    ahead = Echoes(echoes.x - radar, echoes.y, echoes.closing, echoes.kinds)
+    for_border = (was_border & ~was_thing).sum(axis=1) + here[:, BORDER] + _lies_on_border(ahead)
     lone = is_thing & (for_border == 0.0) & (for_thing == 1.0)
     if lone.any():
-        for_border += _continues_border(echoes, lone)
-        is_sudden = np.hypot(echoes.x - radar, echoes.y) < SUDDEN_S * echoes.closing
+        for_border += _continues_border(ahead, lone)
+        is_sudden = np.hypot(ahead.x, ahead.y) < SUDDEN_S * echoes.closing
         kept &= known | ~(lone & (is_sudden | ~was_thing[:, 0]))
     # What nothing else takes for a thing lies on a border, or is a stray; where anything takes it
     # for a border, two others have to, and more at first.

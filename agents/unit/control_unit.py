@@ -158,7 +158,7 @@ class ControlUnit:
         if echoes is None:
             return
         seconds = self._ego.seconds
-        aside = slide + self.vehicle.rear_axle * turn
+        aside = slide + self.limits.nose * turn
         self.objects.look(echoes, self._ego.take(speed, aside), seconds)
         self.echoes, self.loose = self.objects.seen, self.objects.loose
 

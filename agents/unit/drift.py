@@ -56,10 +56,13 @@ class Drift:
         cos, sin = math.cos(self.course), math.sin(self.course)
         both, pivot = np.zeros((4, 4)), np.array([self.pivot, 0.0, 0.0, 0.0])
         both[:2, :2] = both[2:, 2:] = (cos, sin), (-sin, cos)
-        return [
-            track.with_motion(both.dot(track.state - pivot), both.dot(track.covariance).dot(both.T))
-            for track in tracks
-        ]
+        found = []
+        for track in tracks:
+            x, y = track.eye[0] - self.pivot, track.eye[1]
+            eye = cos * x + sin * y, cos * y - sin * x
+            state, covariance = both.dot(track.state - pivot), both.dot(track.covariance)
+            found.append(track.with_motion(state, covariance.dot(both.T), eye))
+        return found
 
     def echoes(self, echoes: Echoes) -> Echoes:
         """Return echoes as they lie from there."""

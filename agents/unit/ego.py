@@ -16,7 +16,7 @@ class Ego:
     left: float  # [m]
     turned: float  # [rad]
     speed: float  # [m/s] now
-    aside: float = 0.0  # [m/s] to the left, of the centre of gravity
+    aside: float = 0.0  # [m/s] to the left, of the radar
 
 
 @dataclass
@@ -42,7 +42,7 @@ class EgoMotion:
     def take(self, speed: float, aside: float) -> Ego:
         """Return the way since the last scan, and begin again.
 
-        speed, aside: of the centre of gravity now [m/s].
+        speed, aside: of the radar now [m/s], which swings aside as the kart turns.
         """
         ego = Ego(self._ahead, self._left, self._turned, speed, aside)
         self.seconds = self._ahead = self._left = self._turned = 0.0

@@ -50,14 +50,14 @@ class Objects:
 
     def look(self, echoes: Echoes, ego: Ego, dt: float) -> None:
         """Take a scan, `dt` seconds after the one before."""
-        echoes = taken_for_karts(echoes, ego)
-        self._past = self._past.carried(ego, dt)
+        echoes = taken_for_karts(echoes, ego, self.radar)
+        self._past = self._past.carried(ego, dt, self.radar)
         for track in self.tracks:
             carry(track, ego, dt)
         self.seen = confirmed(echoes, self._past, self.tracks, self.radar)
         self._past = self._past.with_scan(echoes, self.radar)
         things = self.seen.without_borders()
-        for group in groups_of(things):
+        for group in groups_of(things, self.radar):
             self._take(things.kept(group), ego, dt)
         self.tracks = [track for track in self.tracks if track.missed <= GONE]
         if len(self.tracks) > MOST_TRACKS:
@@ -71,8 +71,8 @@ class Objects:
         """Let the nearest track of this kind take echoes of one thing, or begin one."""
         x, y = float(echoes.x.mean()), float(echoes.y.mean())
         kind = int(np.bincount(echoes.kinds).argmax())
-        far = max(math.hypot(x, y), 1e-6)
-        ray = np.array([x, y]) / far
+        far = max(math.hypot(x - self.radar, y), 1e-6)
+        ray = np.array([x - self.radar, y]) / far
         across = np.abs(echoes.y * ray[0] - echoes.x * ray[1] - (y * ray[0] - x * ray[1]))
         half = float(across.max()) + 0.15
         # Over ground, along the ray: what the kart itself adds to the closing speed is taken off.
@@ -95,7 +95,9 @@ class Objects:
         spread[:2, :2] = spread_of(ray, far, kind)
         # Along the ray the speed is known at once.
         spread[2:, 2:] -= (FIRST_SPEED**2 - DOPPLER**2) * np.outer(ray, ray)
-        self.tracks.append(Track(state, spread, kind, half, number=self._born, began=far))
+        track = Track(state, spread, kind, half, number=self._born, began=far)
+        track.eye = self.radar, 0.0
+        self.tracks.append(track)
 
 
 def _may_be(track: Track, kind: int) -> bool:
@@ -106,10 +108,14 @@ def _may_be(track: Track, kind: int) -> bool:
     return track.scans < BORN or (track.kind == codes.KART_HIT) == (kind == codes.KART_HIT)
 
 
-def taken_for_karts(echoes: Echoes, ego: Ego) -> Echoes:
-    """Return echoes of which those that are too fast to be of people are of karts."""
-    far = np.maximum(np.hypot(echoes.x, echoes.y), 1e-6)
-    pace = np.abs((ego.speed * echoes.x + ego.aside * echoes.y) / far - echoes.closing)
+def taken_for_karts(echoes: Echoes, ego: Ego, radar: float = 0.0) -> Echoes:
+    """Return echoes of which those that are too fast to be of people are of karts.
+
+    radar: [m] that the radar is ahead of the rear axle.
+    """
+    ahead = echoes.x - radar
+    far = np.maximum(np.hypot(ahead, echoes.y), 1e-6)
+    pace = np.abs((ego.speed * ahead + ego.aside * echoes.y) / far - echoes.closing)
     runs = echoes.may_be_people & (pace > RUNS_BESIDE)
     if not runs.any():
         return echoes
@@ -118,14 +124,15 @@ def taken_for_karts(echoes: Echoes, ego: Ego) -> Echoes:
     return replace(echoes, kinds=np.where(runs, codes.KART_HIT, echoes.kinds).astype(np.uint8))
 
 
-def groups_of(echoes: Echoes) -> list[NDArray[np.bool_]]:
+def groups_of(echoes: Echoes, radar: float = 0.0) -> list[NDArray[np.bool_]]:
     """Return masks of echoes that are of one thing each: chains in the order of their bearing.
 
-    What closes at another speed is another thing: karts that touch each other are two.
+    What closes at another speed is another thing: karts that touch each other are two. radar: [m]
+    that the radar is ahead of the rear axle.
     """
     groups: list[NDArray[np.bool_]] = []
     last = -1
-    for number in np.argsort(np.arctan2(echoes.y, echoes.x)).tolist():
+    for number in np.argsort(np.arctan2(echoes.y, echoes.x - radar)).tolist():
         joined = last >= 0 and echoes.kinds[number] == echoes.kinds[last]
         if joined:
             dx, dy = echoes.x[number] - echoes.x[last], echoes.y[number] - echoes.y[last]

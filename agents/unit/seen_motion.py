@@ -37,7 +37,7 @@ class SeenMotion:
         """Take what some readings tell."""
         now_s, echoes, fix = readings.time_s, readings.echoes, readings.fix
         told = [
-            None if echoes is None else self._by_borders(echoes),
+            None if echoes is None else self._by_borders(echoes, readings.yaw_rate),
             None if fix is None else self._by_fixes(fix, now_s),
         ]
         if known := [each for each in told if each is not None and abs(each[0]) <= MOST_SPEED]:
@@ -70,13 +70,17 @@ class SeenMotion:
         speed = max(way, 0.0) / (now_s - was[0])
         return speed, speed
 
-    def _by_borders(self, echoes: Echoes) -> tuple[float, float] | None:
-        """Return the speed [m/s] at which borders come nearer, None where few are seen."""
+    def _by_borders(self, echoes: Echoes, turn: float) -> tuple[float, float] | None:
+        """Return the speed [m/s] at which borders come nearer, None where few are seen.
+
+        turn: [rad/s] of the gyro, by which the radar swings aside; may be no number.
+        """
         ahead = echoes.x - self.nose
         used = (echoes.kinds == codes.BORDER) & (np.abs(echoes.y) < WIDENS * ahead)
         used &= np.isfinite(echoes.closing)
         if np.count_nonzero(used) < BORDERS:
             return None
         far = np.hypot(ahead[used], echoes.y[used])
-        speed = middle_of(echoes.closing[used] * far / ahead[used])
+        swing = 0.0 if math.isnan(turn) else self.nose * turn
+        speed = middle_of((echoes.closing[used] * far - swing * echoes.y[used]) / ahead[used])
         return speed, speed

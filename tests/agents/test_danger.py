@@ -41,7 +41,7 @@ def looked(scans: list[Echoes], speed: float = 10.0) -> Objects:
 
 def test_a_track_in_another_frame_is_the_same_thing() -> None:
     numbers = dict(zip((each.name for each in fields(Track)), range(12), strict=False))
-    there = Track(**numbers).with_motion(np.ones(4), np.eye(4))
+    there = Track(**numbers).with_motion(np.ones(4), np.eye(4), numbers["eye"])
     assert {**asdict(there), "state": 0, "covariance": 1} == numbers
 
 
