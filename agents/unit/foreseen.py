@@ -104,7 +104,9 @@ class Movers:
         length = limits.nose + 0.5  # behind the bumper until nothing can be touched
         is_there = gap <= 0.0
         passes = is_there & (gap > -length)
-        passes[..., 1:] |= is_there[..., 1:] & ~is_there[..., :-1]  # it may be through in a step
+        # It may be through in a step; but what is half a turn ahead is half a turn behind.
+        is_half = (along[..., :-1] - along[..., 1:]) * np.abs(self.curvature) > math.pi
+        passes[..., 1:] |= is_there[..., 1:] & ~is_there[..., :-1] & ~is_half
         passes &= along[..., :1] >= self.least_ahead
         return Foreseen(along, aside, pace[..., 0], gap, passes)
 

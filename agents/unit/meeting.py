@@ -182,9 +182,10 @@ class Ahead:
         """Return whether no full brakes are due for a kart that is beside the way now.
 
         It drives into the flank so soon that they do not help, or keeps its lane; or it has just
-        come into view, and may as well cut in ahead. One that drives along has to be met as well if
-        it comes over more slowly by the deviation of its speed, and one that crosses slantwise if
-        it is faster by that.
+        come into view, and may as well cut in ahead. One that is not parked has to be met as well
+        if it moves across as it seems to, plain or not; one that drives along, too, if it comes
+        over more slowly by the deviation of its speed, and one that crosses slantwise if it is
+        faster by that.
         """
         aside, pace = foreseen.aside[at], foreseen.pace.item(at)
         now, then, next_ = (abs(aside.item(step)) for step in (0, first, 1))
@@ -193,12 +194,17 @@ class Ahead:
         time_s, is_flank = float(TIMES[first]), foreseen.gap.item(*at, first) < -PASSED
         if is_flank and (time_s < FLANK_S or now - then < SIDLES * time_s):
             return True
-        if pace < ALONG * self.speed:
-            return track.unsure > VAGUE
-        off = math.copysign(track.unsure, aside.item(0)) * TIMES
-        asides = [aside + off]
-        if now - next_ > SLANTS * pace * STEP_S:
-            asides.append(aside - off)
+        asides = []
+        if not track.may_be_parked:
+            turned = self.curvatures[at[0]] * foreseen.along.item(*at, 0)
+            asides.append(aside + track.unclear(turned) * TIMES)
+        if pace >= ALONG * self.speed:
+            off = math.copysign(track.unsure, aside.item(0)) * TIMES
+            asides.append(aside + off)
+            if now - next_ > SLANTS * pace * STEP_S:
+                asides.append(aside - off)
+        elif track.unsure > VAGUE:
+            return True
         passes, beside = foreseen.passes[at], self._usual[at[1]]
         return not all((passes & (np.abs(each) < beside)).any() for each in asides)
 

@@ -95,7 +95,7 @@ class Objects:
         spread[:2, :2] = spread_of(ray, far, kind)
         # Along the ray the speed is known at once.
         spread[2:, 2:] -= (FIRST_SPEED**2 - DOPPLER**2) * np.outer(ray, ray)
-        track = Track(state, spread, kind, half, number=self._born, began=far)
+        track = Track(state, spread, kind, half, number=self._born, began=math.hypot(x, y))
         track.eye = self.radar, 0.0
         self.tracks.append(track)
 

@@ -73,7 +73,7 @@ class SeenMotion:
     def _by_borders(self, echoes: Echoes, turn: float) -> tuple[float, float] | None:
         """Return the speed [m/s] at which borders come nearer, None where few are seen.
 
-        turn: [rad/s] of the gyro, by which the radar swings aside; may be no number.
+        turn: [rad/s] of the gyro, by which the radar swings aside; may be no number, or wrong.
         """
         ahead = echoes.x - self.nose
         used = (echoes.kinds == codes.BORDER) & (np.abs(echoes.y) < WIDENS * ahead)
@@ -82,5 +82,7 @@ class SeenMotion:
             return None
         far = np.hypot(ahead[used], echoes.y[used])
         swing = 0.0 if math.isnan(turn) else self.nose * turn
-        speed = middle_of((echoes.closing[used] * far - swing * echoes.y[used]) / ahead[used])
+        told, aside = echoes.closing[used] * far / ahead[used], echoes.y[used] / ahead[used]
+        # Of a gyro that is wrong no kart that stands becomes one that drives.
+        speed = min(middle_of(told), middle_of(told - swing * aside), key=abs)
         return speed, speed

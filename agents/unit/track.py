@@ -35,8 +35,9 @@ SLOWLY, SOON = 0.2, 0.5
 # A kart in a bend is pulled across its way by this much [m/s²].
 PULLED = 6.0
 # A speed across the ray below this many deviations is none; of karts, whose outline comes into view
-# side by side, below the second.
-NOISE, PLAIN = 1.2, 3.0
+# side by side, below the second, and of those that do not move along the ray, either, the third:
+# they are parked as a rule.
+NOISE, PLAIN, PARKED = 1.2, 2.0, 3.0
 
 
 @dataclass
@@ -79,10 +80,17 @@ class Track:
         along, across = cos * vx + sin * vy, cos * vy - sin * vx
         (east, both), (_, north) = self.covariance[2:, 2:].tolist()
         variance = sin * sin * east - 2.0 * sin * cos * both + cos * cos * north
-        clear = PLAIN if self.kind == codes.KART_HIT else NOISE
+        clear = NOISE
+        if self.kind == codes.KART_HIT:
+            clear = PARKED if self.may_be_parked else PLAIN
         if across * across < clear**2 * variance:
             across = 0.0
         return along * cos - across * sin, along * sin + across * cos
+
+    def unclear(self, way: float) -> float:
+        """Return the part of its speed that could be noise: [m/s] to the left of a way [rad]."""
+        vx, vy = self.velocity
+        return float((self.state[3] - vy) * math.cos(way) - (self.state[2] - vx) * math.sin(way))
 
     def slow_down(self, ray: Floats, less: float) -> None:
         """Take in by how much less [m/s²] it moves along a ray (2,) than at the scan before.
@@ -111,6 +119,11 @@ class Track:
     def stands(self) -> bool:
         """Whether it does not move away."""
         return self.leaves < STANDS
+
+    @property
+    def may_be_parked(self) -> bool:
+        """Whether it moves neither away nor nearer: how it moves across the ray is known late."""
+        return abs(self.leaves) < STANDS
 
     @property
     def unsure(self) -> float:

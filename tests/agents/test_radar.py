@@ -7,6 +7,7 @@ import pytest
 
 from race_agents.plant.body import Body
 from race_agents.plant.radar import Surroundings, scan
+from race_agents.unit.confirmation import moved
 from race_agents.unit.ego import EgoMotion
 from race_agents.unit.limits import Limits
 from race_agents.unit.objects import Objects
@@ -59,6 +60,29 @@ def test_how_a_kart_beside_the_bumper_moves_is_known(
     (track,) = objects.tracks
     assert track.state[:2] == pytest.approx((LIMITS.nose + 1.0, -2.0), abs=0.1)
     assert track.state[2:] == pytest.approx((runs, 0.0), abs=0.3)
+
+
+def test_an_echo_of_what_stands_is_found_where_it_was_when_the_kart_turns() -> None:
+    # It drives on an arc of 5 m for a fifth of a second; something stands beside the bumper.
+    speed, turn, dt, at = 5.0, 1.0, 0.2, np.array([3.0, 1.5])
+    motion, rays = EgoMotion(), at - (LIMITS.nose, 0.0)
+    closing = (speed * rays[0] + LIMITS.nose * turn * rays[1]) / np.hypot(*rays)
+    for _ in range(20):
+        motion.advance(speed, 0.0, turn, dt / 20)
+    ego = motion.take(speed, LIMITS.nose * turn)
+    there = Echoes(at[:1], at[1:], np.array([closing]), np.full(1, codes.OBSTACLE, np.uint8))
+    later = moved(there, ego, dt, LIMITS.nose)
+    ahead, left = at - (ego.ahead, ego.left)
+    cos, sin = math.cos(ego.turned), math.sin(ego.turned)
+    assert later.x[0] == pytest.approx(cos * ahead + sin * left, abs=0.1)
+    assert later.y[0] == pytest.approx(cos * left - sin * ahead, abs=0.1)
+
+
+def test_a_gyro_that_is_wrong_makes_no_kart_drive_that_stands() -> None:
+    x, y, kinds = np.full(4, 9.0), np.full(4, 3.0), np.full(4, codes.BORDER, np.uint8)
+    seen = SeenMotion(LIMITS.nose)
+    seen.take(Readings(0.0, 0.0, -4.0, 0.0, echoes=Echoes(x, y, np.zeros(4), kinds)))
+    assert seen.speed(0.0) == 0.0
 
 
 def test_borders_tell_the_speed_of_a_kart_whose_radar_swings_aside() -> None:
