@@ -49,7 +49,7 @@ REPRODUCTION = Reproduction(
         ),
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=3_000_000, seeds=3, starts=1000),
+    full=TrainingScale(steps=12_000_000, seeds=3, starts=1000),
     quick=TrainingScale(steps=49_152, seeds=1, starts=100),
     their_heads=THEIR_HEADS,
     columns=columns("late", "left", "wall"),
