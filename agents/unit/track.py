@@ -82,7 +82,7 @@ class Track:
         variance = sin * sin * east - 2.0 * sin * cos * both + cos * cos * north
         clear = NOISE
         if self.kind == codes.KART_HIT:
-            clear = PARKED if self.may_be_parked else PLAIN
+            clear = PARKED if abs(along) < STANDS else PLAIN
         if across * across < clear**2 * variance:
             across = 0.0
         return along * cos - across * sin, along * sin + across * cos
