@@ -62,7 +62,7 @@ class Past(NamedTuple):
         none = np.zeros(0)
         return cls(Echoes.nothing(), none, none, np.zeros(0, np.int64))
 
-    def carried(self, ego: Ego, dt: float, radar: float = 0.0) -> "Past":
+    def carried(self, ego: Ego, dt: float, radar: float) -> "Past":
         """Return them in the kart's frame of a scan later, but for those that are too old."""
         kept = self.ago < SCANS
         x, y = self.x[kept] - ego.ahead, self.y[kept] - ego.left
@@ -81,7 +81,7 @@ class Past(NamedTuple):
         )
 
 
-def moved(echoes: Echoes, ego: Ego, dt: float, radar: float = 0.0) -> Echoes:
+def moved(echoes: Echoes, ego: Ego, dt: float, radar: float) -> Echoes:
     """Return where echoes are a scan later: nearer by their closing speed, turned by the kart.
 
     radar: [m] that the radar is ahead of the rear axle; it swings aside as the kart turns.

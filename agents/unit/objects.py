@@ -95,9 +95,10 @@ class Objects:
         spread[:2, :2] = spread_of(ray, far, kind)
         # Along the ray the speed is known at once.
         spread[2:, 2:] -= (FIRST_SPEED**2 - DOPPLER**2) * np.outer(ray, ray)
-        track = Track(state, spread, kind, half, number=self._born, began=math.hypot(x, y))
-        track.eye = self.radar, 0.0
-        self.tracks.append(track)
+        began, eye = math.hypot(x, y), (self.radar, 0.0)
+        self.tracks.append(
+            Track(state, spread, kind, half, number=self._born, began=began, eye=eye)
+        )
 
 
 def _may_be(track: Track, kind: int) -> bool:
@@ -108,7 +109,7 @@ def _may_be(track: Track, kind: int) -> bool:
     return track.scans < BORN or (track.kind == codes.KART_HIT) == (kind == codes.KART_HIT)
 
 
-def taken_for_karts(echoes: Echoes, ego: Ego, radar: float = 0.0) -> Echoes:
+def taken_for_karts(echoes: Echoes, ego: Ego, radar: float) -> Echoes:
     """Return echoes of which those that are too fast to be of people are of karts.
 
     radar: [m] that the radar is ahead of the rear axle.

@@ -32,9 +32,8 @@ def kart_at(x: float, y: float, along: float, across: float) -> Track:
     state = np.array([x + LIMITS.nose, y, *(turn @ (along, across))])
     spread = 1e-4 * np.eye(4)
     spread[2:, 2:] = turn @ np.diag([0.04, 1.2**2]) @ turn.T
-    track = Track(state, spread, codes.KART_HIT, 0.2, scans=20, began=60.0)
-    track.eye = LIMITS.nose, 0.0
-    return track
+    eye = LIMITS.nose, 0.0
+    return Track(state, spread, codes.KART_HIT, 0.2, scans=20, began=60.0, eye=eye)
 
 
 @pytest.mark.parametrize(
