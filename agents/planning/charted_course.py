@@ -18,12 +18,11 @@ from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, RaceError
 from race_server.scenario.raceline.attach import line_of, stand_in
-from race_server.scenario.raceline.baselines import least_curved
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.raceline.frame import Frame, frame_of
-from race_server.scenario.raceline.minimum_time import fastest_lap
+from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.program import load_casadi
-from race_server.scenario.raceline.result import Solution, limit_of, profile_of
+from race_server.scenario.raceline.result import raceline_of
+from race_server.scenario.raceline.solution import fastest_in
 from race_server.scenario.track.build import SCALES, TrackSpec, build
 from race_server.scenario.track.corridor import strip_between
 from race_server.scenario.track.course import Course
@@ -174,25 +173,18 @@ def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Cou
 
 
 def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
-    """Return the line to race; the centre line where nothing solves it."""
+    """Return the line to race; the centre line where nothing solves it.
+
+    It keeps to where the lap that was charted was near: farther off, walls lack more of their tips.
+    """
     bounds = bounds_of(vehicle)
     try:
         load_casadi()
-        frame = _with_room(frame_of(course, bounds), MORE_ROOM * vehicle.width)
-        calm = least_curved(frame, bounds)
-        _, speeds = profile_of(frame, calm, bounds)
-        best = fastest_lap(frame, bounds, calm, speeds)
+        frame = frame_of(course, bounds)
+        found = fastest_in(frame, bounds, room=MORE_ROOM * vehicle.width, least=LEAST)
     except RaceError as error:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
-    limit = limit_of(frame, bounds, Solution(best, calm, calm), 0.0)
-    return line_of(course, bounds, limit.minimum_time)
-
-
-def _with_room(frame: Frame, room: float) -> Frame:
-    """Return a frame whose sides are a length [m] nearer, or meet but for LEAST in the middle."""
-    middle, half = 0.5 * (frame.low + frame.high), 0.5 * (frame.high - frame.low)
-    half = np.maximum(half - room, np.minimum(half, LEAST))
-    return replace(frame, low=middle - half, high=middle + half)
+    return line_of(course, raceline_of(found.frame, bounds, found.best))
 
 
 def walled_path(

@@ -6,7 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.planning.charted_course import borders_along, course_between, line_on
+from race_agents.planning.charted_course import (
+    borders_along,
+    course_between,
+    line_on,
+)
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning, path_of, spread_error
 from race_agents.planning.line_view import LineView
 from race_agents.planning.wall_map import (
@@ -218,6 +222,8 @@ def test_a_line_keeps_to_the_middle_where_the_course_has_no_more_room() -> None:
     line = line_on(ring(radius=3.0, half_width=0.235), vehicle_named("tt02"))
     assert not line.note
     assert np.hypot(line.x, line.y) == pytest.approx(3.0, abs=0.011)
+    # It shows the course as wide as it is.
+    assert line.left + line.right == pytest.approx(0.47, abs=0.005)
 
 
 def test_a_kart_that_was_put_elsewhere_is_found_again() -> None:

@@ -21,8 +21,8 @@ from race_server.scenario.raceline.export import exports
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import driving, grip_left, lap_time, speeds_on
 from race_server.scenario.raceline.program import Program
-from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit, solve
-from race_server.scenario.raceline.result import limit_of
+from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit
+from race_server.scenario.raceline.solution import limit_of, solve
 from race_server.scenario.raceline.tyres import cornering_drag
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course, read_course
@@ -80,6 +80,32 @@ def test_a_ring_is_lapped_fastest_along_its_inner_border(tmp_path: Path) -> None
     assert limit.shortest.length == pytest.approx(2 * math.pi * inner, rel=2e-3)
     radii = np.hypot(limit.minimum_time.x, limit.minimum_time.y)
     assert np.allclose(radii, inner, atol=0.005)
+
+
+def test_in_a_wide_room_the_fastest_lap_is_not_where_the_centre_line_ends(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
+    # Its inner border is 2.2 m from the centre line; a frame sees room to 1.2 m.
+    limit = reference_limit(ring(tmp_path, 3.0, 2.2), TT02_FACTS)
+    inner = 3.0 - 2.2 + 0.145
+    assert limit.minimum_time.time_s == pytest.approx(
+        2 * math.pi * math.sqrt(inner / 5.0), rel=5e-3
+    )
+    assert limit.shortest.length == pytest.approx(2 * math.pi * inner, rel=5e-3)
+    # The centre line's lap is that of the centre line.
+    assert limit.centre_line.time_s == pytest.approx(2 * math.pi * math.sqrt(3.0 / 5.0), rel=5e-3)
+
+
+def test_the_limit_does_not_depend_on_where_the_centre_line_runs(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
+    straight, angles = ring(tmp_path, 2.0, 1.0), np.linspace(0.0, 2 * np.pi, 60, endpoint=False)
+    points = (2.0 + 0.3 * np.sin(5.0 * angles)) * np.stack([np.cos(angles), np.sin(angles)])
+    path = tmp_path / "winding.toml"
+    path.write_text(f'form = "line"\nhalf_width = 0.5\npoints = {points.T.tolist()}\n')
+    winding = replace(read_course(path), borders=straight.borders)
+    inner = 2.0 - 1.0 + 0.145
+    for course in (straight, winding):
+        lap = reference_limit(course, TT02_FACTS).minimum_time
+        assert lap.time_s == pytest.approx(2 * math.pi * math.sqrt(inner / 5.0), rel=5e-3)
 
 
 def test_a_slow_vehicle_laps_a_ring_at_its_top_speed(tmp_path: Path) -> None:
@@ -286,7 +312,7 @@ def test_a_shipped_limit_is_what_the_solver_finds(track: str, vehicle: Vehicle) 
     course, bounds = load_course(track), bounds_of(vehicle)
     shipped = read_bundled(course, bounds)
     assert shipped is not None
-    found = limit_of(frame_of(course, bounds), bounds, solve(course, bounds), 0.0)
+    found = limit_of(course, bounds, solve(course, bounds), 0.0)
     for name in LINES:
         ours, fresh = getattr(shipped, name), getattr(found, name)
         assert ours.time_s == pytest.approx(fresh.time_s, rel=2e-4), "run `make limits`"

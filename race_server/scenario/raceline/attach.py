@@ -10,7 +10,6 @@ from race_server.core.vehicles import Vehicle
 from race_server.errors import RaceError
 from race_server.scenario.raceline.bounds import Bounds, bounds_of
 from race_server.scenario.raceline.detour import around
-from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import speeds_on
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.raceline.result import Raceline
@@ -64,24 +63,21 @@ def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) ->
             "finds it"
         )
         return stand_in(course, bounds, note)
-    return line_of(course, bounds, limit.minimum_time)
+    return line_of(course, limit.minimum_time)
 
 
-def line_of(course: Course, bounds: Bounds, reference: Raceline) -> ReferenceLine:
+def line_of(course: Course, reference: Raceline) -> ReferenceLine:
     """Return a line of the reference limit at equal steps."""
-    frame = frame_of(course, bounds)
     count = len(course.line)
     at = np.append(reference.distance, reference.length)
     wanted = np.linspace(0.0, at[-1], count, endpoint=False)
     x, y = _curve(at, reference, wanted)
-    offset = (reference.y - frame.y) * np.cos(frame.heading)
-    offset -= (reference.x - frame.x) * np.sin(frame.heading)
     spacing = float(at[-1]) / count
     samples = np.interp(
         np.arange(count) * course.spacing, np.append(reference.progress, course.length), at
     )
-    left = _between(at, _closed(frame.high + bounds.reach - offset), wanted)
-    right = _between(at, _closed(offset - frame.low + bounds.reach), wanted)
+    left = _between(at, _closed(reference.left), wanted)
+    right = _between(at, _closed(reference.right), wanted)
     heading = _between(at, np.unwrap(_closed(reference.heading)), wanted)
     if course.kerb + course.grass == 0.0:
         to_left, to_right = _ways_to_borders(course, np.column_stack([x, y]), heading)

@@ -1,6 +1,7 @@
 """Limits of the bundled tracks, which therefore need no solver.
 
-A file beside the tracks holds the solution, in single precision. Its name is a digest of the track
+A file beside the tracks holds the solution, in single precision, and the frame that its lines lie
+in where that is not about the centre line. Its name is a digest of the track
 file and of the vehicle's limits, not of the code that solved it; a test compares the files with a
 fresh solution. Write them again with ``python -m race_server.scenario.raceline.export``.
 """
@@ -8,6 +9,7 @@ fresh solution. Write them again with ``python -m race_server.scenario.raceline.
 import contextlib
 import hashlib
 import zipfile
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -17,12 +19,15 @@ from race_server.scenario.raceline.baselines import OffsetLine
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.frame import Frame, frame_of
 from race_server.scenario.raceline.minimum_time import TimedLine
-from race_server.scenario.raceline.result import Limit, Solution, limit_of
+from race_server.scenario.raceline.result import Limit
+from race_server.scenario.raceline.solution import Solution, limit_of
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.load import own_tracks
 
 # Rows of a file: three for each line, and the speeds of the best.
 _ROWS = 10
+# Rows of its frame, in order.
+_FRAME = ("progress", "x", "y", "heading", "curvature", "low", "high")
 
 
 def limits_folder() -> Path:
@@ -50,9 +55,9 @@ def read_bundled(course: Course, bounds: Bounds) -> Limit | None:
     with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         with np.load(path, allow_pickle=False) as tables:
             rows = tables["rows"].astype(np.float64)
-        frame = frame_of(course, bounds)
+            frame = _frame_in(tables, course, bounds)
         if rows.shape == (_ROWS, len(frame.x)):
-            return limit_of(frame, bounds, _solution(frame, rows), 0.0)
+            return limit_of(course, bounds, _solution(frame, rows), 0.0)
     return None
 
 
@@ -62,13 +67,24 @@ def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
     rows = [row for line in lines for row in (line.offset, line.bearing, line.curvature)]
     path = limits_folder() / bundled_name(course, bounds)
     path.parent.mkdir(exist_ok=True)
-    table = np.stack([*rows, solution.best.speed]).astype(np.float32)
-    np.savez_compressed(path, allow_pickle=False, rows=table)
+    tables = {"rows": np.stack([*rows, solution.best.speed]).astype(np.float32)}
+    if not np.array_equal(solution.frame.x, frame_of(course, bounds).x):
+        frame = np.stack([getattr(solution.frame, name) for name in _FRAME])
+        tables |= {"frame": frame.astype(np.float32), "step": np.array(solution.frame.step)}
+    np.savez_compressed(path, allow_pickle=False, **tables)
     return path
+
+
+def _frame_in(tables: Mapping[str, Floats], course: Course, bounds: Bounds) -> Frame:
+    """Return the frame of a file's lines: what it holds, or that of the centre line."""
+    if "frame" not in tables:
+        return frame_of(course, bounds)
+    rows = dict(zip(_FRAME, tables["frame"].astype(np.float64), strict=True))
+    return Frame(course.name, float(tables["step"]), **rows)
 
 
 def _solution(frame: Frame, rows: Floats) -> Solution:
     best, calm, near = (OffsetLine(*rows[first : first + 3]) for first in (0, 3, 6))
     speed = rows[9]
     time_s = float(np.sum(frame.step * best.stretch(frame) / speed))
-    return Solution(TimedLine(best, speed, time_s), calm, near)
+    return Solution(frame, calm, TimedLine(best, speed, time_s), near)

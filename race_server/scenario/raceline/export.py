@@ -6,7 +6,7 @@ from race_server.core.vehicle_presets import KART_30, KART_60, TT02, TT02_FACTS
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.raceline.bundled import limits_folder, write_bundled
-from race_server.scenario.raceline.reference import solve
+from race_server.scenario.raceline.solution import solve
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import own_tracks, read_course
 

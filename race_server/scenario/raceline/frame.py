@@ -1,28 +1,39 @@
 """A course in track coordinates: stations along its centre line."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from race_server.errors import TrackError
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.track.course import Course, Floats
-from race_server.scenario.track.polyline import derivatives, lengths_of, ranges_to, resample, smooth
+from race_server.scenario.track.polyline import (
+    derivatives,
+    lengths_of,
+    ranges_to,
+    resample,
+    segments_of,
+    smooth,
+)
 
 # Track coordinates fold over at the centre of a bend: one tighter than the free width on its
 # inside forbids lines that exist. Where offset · curvature comes this near to one, the centre line
 # is smoothed, by a standard deviation in samples of the course: 0.25 m at 1/10, 2.5 m for karts.
 FOLDING = 0.8
 SMOOTHING = 5.0
-# An alcove is cut off this many samples from the centre line: 1.2 m at 1/10, 12 m for karts.
-DEEPEST = 24.0
+# A lap that is driven, by this share of the vehicle's tightest radius: its bends stay where they
+# are, to a sixteenth of that radius.
+SMOOTHING_OF_RADIUS = 0.35
+# An alcove is cut off this many samples from the centre line: 1.2 m at 1/10, 12 m for karts; and
+# twice as many from a lap, which may lie at the edge of what was seen from there.
+DEEPEST, DEEPEST_BESIDE = 24.0, 48.0
 # A lap of several kilometres has wide bends and gets longer steps: it is solved in seconds.
 MOST_STATIONS = 1200
 
 
 @dataclass(frozen=True)
 class Frame:
-    """N stations at equal steps along the closed centre line, smoothed if need be."""
+    """N stations at equal steps along a closed line: the centre line, or one to drive."""
 
     name: str  # of the course
     step: float  # [m]
@@ -34,9 +45,17 @@ class Frame:
     low: Floats  # (N,) [m] offset of a vehicle's middle at the right border, left positive
     high: Floats  # (N,) [m] the same at the left border
 
+    def narrowed(self, room: float, least: float) -> "Frame":
+        """Return a frame whose sides are `room` [m] nearer, or meet but for `least` [m]."""
+        if room == 0.0:
+            return self
+        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        half = np.maximum(half - room, np.minimum(half, least))
+        return replace(self, low=middle - half, high=middle + half)
+
 
 def frame_of(course: Course, bounds: Bounds) -> Frame:
-    """Return the stations of a course and the room that a vehicle has there.
+    """Return stations along the centre line, smoothed if need be, and the room of a vehicle there.
 
     They lie two samples of the course apart, 0.1 m at 1/10 and 1 m for karts, unless the course is
     very long; half of that moves a lap time by less than one percent.
@@ -48,6 +67,31 @@ def frame_of(course: Course, bounds: Bounds) -> Frame:
     bend, (left, right) = course.line[:, 3], course.half_widths.T
     if max(float((left * bend).max()), float((-right * bend).max())) > FOLDING:
         line = smooth(line, min(SMOOTHING, 0.05 * len(line)))
+    return _frame(course, bounds, line, np.arange(len(line) + 1.0), is_centre=True)
+
+
+def frame_about(course: Course, bounds: Bounds, line: Floats, progress: Floats) -> Frame:
+    """Return stations along a line that is driven, and the room of a vehicle beside it.
+
+    It is smoothed: a line has kinks where it lay at the end of the coordinates it was found in.
+    line: (M, 2) x, y [m]; progress: (M,) [m] of its points along the course's centre line.
+
+    Raises:
+        TrackError: as of `frame_of`.
+    """
+    at = np.concatenate([[0.0], np.cumsum(lengths_of(line))])
+    count = max(round(at[-1] / course.spacing), 16)
+    samples = np.append(progress / course.spacing, len(course.line))
+    own = np.interp(np.linspace(0.0, at[-1], count + 1), at, samples)
+    deviation = SMOOTHING_OF_RADIUS / (bounds.curvature * course.spacing)
+    smoothed = smooth(resample(line, count), min(deviation, 0.05 * count))
+    return _frame(course, bounds, smoothed, own, is_centre=False)
+
+
+def _frame(
+    course: Course, bounds: Bounds, line: Floats, samples: Floats, *, is_centre: bool
+) -> Frame:
+    """Return stations along a line (M, 2). samples: (M + 1,) of the course at its points."""
     at = np.concatenate([[0.0], np.cumsum(lengths_of(line))])
     stations = min(max(round(at[-1] / (2.0 * course.spacing)), 16), MOST_STATIONS)
     # Every second point is a station; the headings at those between give its mean curvature.
@@ -55,10 +99,12 @@ def frame_of(course: Course, bounds: Bounds) -> Frame:
     heading, _ = derivatives(points)
     step = float(lengths_of(points).sum()) / stations
     turn = heading[1::2] - np.roll(heading[1::2], 1)
-    own = np.interp(
-        np.linspace(0.0, at[-1], stations, endpoint=False), at, np.arange(len(line) + 1)
-    )
-    left, right = _room(course, points[::2], heading[::2], own)
+    own = np.interp(np.linspace(0.0, at[-1], stations, endpoint=False), at, samples)
+    if is_centre and course.kerb + course.grass > 0.0:
+        left, right = _asphalt(course, points[::2], heading[::2], own)
+    else:
+        deepest = (DEEPEST if is_centre else DEEPEST_BESIDE) * course.spacing
+        left, right = _room(course, points[::2], heading[::2], deepest)
     frame = Frame(
         name=course.name,
         step=step,
@@ -80,21 +126,33 @@ def frame_of(course: Course, bounds: Bounds) -> Frame:
     return frame
 
 
-def _room(course: Course, points: Floats, heading: Floats, own: Floats) -> tuple[Floats, Floats]:
-    """Return the free width to the left and right of points (N, 2), straight across.
+def _room(course: Course, points: Floats, heading: Floats, deepest: float) -> tuple[Floats, Floats]:
+    """Return the free width to the left and right of points (N, 2): what rays meet there.
 
-    own: (N,) fractional sample of the course's line at each point. Between bare borders it is
-    what a ray meets. Beside kerbs and grass it is the asphalt: the course's half-widths, less
-    what the smoothing moved the line.
+    They meet the borders, or the edges of the asphalt where kerbs and grass lie beyond it.
     """
-    deepest = DEEPEST * course.spacing
-    across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    if course.kerb + course.grass == 0.0:
-        left, right = (ranges_to(course.borders, points, way) for way in (across, -across))
-        return np.minimum(left, deepest), np.minimum(right, deepest)
+    across, walls = _across(heading), course.borders
+    if course.kerb + course.grass > 0.0:
+        walls = np.concatenate([segments_of(edge) for edge in course.edges()])
+    left, right = (ranges_to(walls, points, way) for way in (across, -across))
+    return np.minimum(left, deepest), np.minimum(right, deepest)
+
+
+def _asphalt(course: Course, points: Floats, heading: Floats, own: Floats) -> tuple[Floats, Floats]:
+    """Return the width of the asphalt to the left and right of points (N, 2) of the centre line.
+
+    own: (N,) fractional sample of the course's line at each point. It is the course's half-widths,
+    less what the smoothing moved the line.
+    """
+    across = _across(heading)
     closed = np.vstack([course.line[:, :2], course.line[:1, :2]])
     sides = np.vstack([course.half_widths, course.half_widths[:1]])
     samples = np.arange(len(closed))
     x, y, left, right = (np.interp(own, samples, values) for values in (*closed.T, *sides.T))
     moved = np.sum((points - np.stack([x, y], axis=1)) * across, axis=1)
     return left - moved, right + moved
+
+
+def _across(heading: Floats) -> Floats:
+    """Return unit vectors (N, 2) to the left of headings (N,)."""
+    return np.stack([-np.sin(heading), np.cos(heading)], axis=1)

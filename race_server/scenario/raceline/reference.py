@@ -13,21 +13,11 @@ import numpy as np
 from race_server.core.kernels.jit import cache_root
 from race_server.core.vehicles import Vehicle
 from race_server.kept_file import keep
-from race_server.scenario.raceline.baselines import least_curved, shortest
 from race_server.scenario.raceline.bounds import Bounds, bounds_of
 from race_server.scenario.raceline.bundled import read_bundled
-from race_server.scenario.raceline.frame import frame_of
-from race_server.scenario.raceline.minimum_time import fastest_lap
 from race_server.scenario.raceline.program import load_casadi
-from race_server.scenario.raceline.result import (
-    NAMES,
-    Limit,
-    Raceline,
-    Solution,
-    Zone,
-    limit_of,
-    profile_of,
-)
+from race_server.scenario.raceline.result import NAMES, Limit, Raceline, Zone
+from race_server.scenario.raceline.solution import limit_of, solve
 from race_server.scenario.track.course import Course
 
 __all__ = ["NAMES", "Limit", "Raceline", "Zone", "known_limit", "reference_limit"]
@@ -43,8 +33,8 @@ def reference_limit(
 
     speed_cap: [m/s], below the vehicle's own top speed; margin: [m] between body and border, by
     default 0.05 m for a 1/10 car and in proportion for wider vehicles. The result is a local
-    optimum for a point mass whose margin is kept straight across the centre line, so that in a
-    bend a long body's corners come nearer; fixed obstacles do not count.
+    optimum for a point mass whose margin is kept straight across the line of its frame, so that in
+    a bend a long body's corners come nearer; fixed obstacles do not count.
 
     Raises:
         RaceError: it must be solved and CasADi is not installed, no line fits, or the cap is no
@@ -57,7 +47,7 @@ def reference_limit(
     load_casadi()
     started = time.perf_counter()
     solution = solve(course, bounds)
-    limit = limit_of(frame_of(course, bounds), bounds, solution, time.perf_counter() - started)
+    limit = limit_of(course, bounds, solution, time.perf_counter() - started)
     _write(_cached(course, bounds), limit)
     return limit
 
@@ -65,19 +55,6 @@ def reference_limit(
 def known_limit(course: Course, bounds: Bounds) -> Limit | None:
     """Return a limit that needs no solver: bundled, or in the user's cache; None if neither."""
     return read_bundled(course, bounds) or _read(_cached(course, bounds))
-
-
-def solve(course: Course, bounds: Bounds) -> Solution:
-    """Return the lines of least time, least curvature and least length.
-
-    Raises:
-        RaceError: CasADi is not installed, or no line fits.
-    """
-    frame = frame_of(course, bounds)
-    calm = least_curved(frame, bounds)
-    _, speeds = profile_of(frame, calm, bounds)
-    best = fastest_lap(frame, bounds, calm, speeds)
-    return Solution(best, calm, shortest(frame, bounds, calm))
 
 
 def _cached(course: Course, bounds: Bounds) -> Path:
@@ -107,6 +84,7 @@ def _digest(course: Course, bounds: Bounds) -> str:
 # The columns of a line in a file, in order.
 _COLUMNS = (
     "progress", "distance", "x", "y", "heading", "curvature", "speed", "acceleration",
+    "left", "right",
 )  # fmt: skip
 
 

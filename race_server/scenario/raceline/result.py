@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from race_server.scenario.raceline.baselines import OffsetLine, centre_line
+from race_server.scenario.raceline.baselines import OffsetLine
 from race_server.scenario.raceline.bounds import Bounds
 from race_server.scenario.raceline.frame import Frame
 from race_server.scenario.raceline.minimum_time import TimedLine
@@ -38,6 +38,8 @@ class Raceline:
     curvature: Floats  # (N,) [1/m] left positive
     speed: Floats  # (N,) [m/s]
     acceleration: Floats  # (N,) [m/s²] from each point to the next
+    left: Floats  # (N,) [m] free to the left, straight across the line of its frame
+    right: Floats  # (N,) [m] the same to the right
 
     @property
     def length(self) -> float:
@@ -71,25 +73,6 @@ class Limit:
     shortest: Raceline
 
 
-@dataclass(frozen=True)
-class Solution:
-    """The solution; the rest of a limit follows from it without a solver."""
-
-    best: TimedLine
-    calm: OffsetLine  # the least curved
-    near: OffsetLine  # the shortest
-
-
-def limit_of(frame: Frame, bounds: Bounds, solution: Solution, solve_s: float) -> Limit:
-    """Return the four lines of a solution with the speeds that each allows."""
-    others = []
-    for line in (solution.calm, centre_line(frame), solution.near):
-        steps, speeds = profile_of(frame, line, bounds)
-        others.append(_reference(frame, line, speeds, lap_time(steps, speeds)))
-    best = solution.best
-    return Limit(solve_s, _reference(frame, best.line, best.speed, best.time_s), *others)
-
-
 def profile_of(frame: Frame, line: OffsetLine, bounds: Bounds) -> tuple[Floats, Floats]:
     """Return the lengths (N,) [m] between a line's points and the speeds (N,) [m/s] there."""
     steps = _steps(frame, line)
@@ -101,10 +84,18 @@ def _steps(frame: Frame, line: OffsetLine) -> Floats:
     return np.asarray(0.5 * frame.step * (stretch + np.roll(stretch, -1)))
 
 
-def _reference(frame: Frame, line: OffsetLine, speed: Floats, time_s: float) -> Raceline:
+def raceline_at_best(frame: Frame, bounds: Bounds, line: OffsetLine) -> Raceline:
+    """Return a line with the fastest speeds that it allows."""
+    steps, speeds = profile_of(frame, line, bounds)
+    return raceline_of(frame, bounds, TimedLine(line, speeds, lap_time(steps, speeds)))
+
+
+def raceline_of(frame: Frame, bounds: Bounds, timed: TimedLine) -> Raceline:
+    """Return a line and its speeds in the plane."""
+    line, speed = timed.line, timed.speed
     steps = _steps(frame, line)
     return Raceline(
-        time_s=time_s,
+        time_s=timed.time_s,
         progress=frame.progress,
         distance=np.cumsum(steps) - steps,
         x=frame.x - line.offset * np.sin(frame.heading),
@@ -113,4 +104,6 @@ def _reference(frame: Frame, line: OffsetLine, speed: Floats, time_s: float) -> 
         curvature=line.curvature,
         speed=speed,
         acceleration=(np.roll(speed, -1) ** 2 - speed**2) / (2.0 * steps),
+        left=frame.high + bounds.reach - line.offset,
+        right=line.offset - frame.low + bounds.reach,
     )
