@@ -19,7 +19,7 @@ ASSUMPTIONS = (
     "down, and its real car had negative increments. The row 'as printed' is without them.",
     "The report prints a reward of 12 times the nearest range and 3 times the speed, and no units. "
     "Here the range is a share of the 12 m that a lidar reaches, the speed in m/s: the reading of "
-    "the four in `report-b-units` by which its base network drives most laps and never crashes. "
+    "the four in `report-b-units` by which its base network drives most laps. "
     "With the range in metres a car that stands in the middle of the road earns well, and networks "
     "slower than 0.1 m/s found that.",
     "Decisions are 0.05 s apart and scans 0.1 s; the report does not say how long a step is.",
