@@ -32,8 +32,10 @@ check-page: page
 	@if $(NODE_IS_THERE); then cd web && npm run --silent check && npm test --silent && npm run --silent size; fi
 
 # Files of tests side by side, in the order of tests/conftest.py. Whole servers, drivers and browsers are `test-live`; what
-# takes minutes is `test-slow`: pages run, sites built, trainings compared.
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# takes minutes is `test-slow`: pages run, sites built, trainings compared. A process that dies is not replaced: the test in
+# which it died fails by its name, where with another one in its place pytest waits without end.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder \
+  --max-worker-restart 0
 
 test: $(VENV)/.installed-test
 	@$(PYTEST) -m 'not live and not slow and not space'
