@@ -6,11 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.planning.charted_course import (
-    borders_along,
-    course_between,
-    line_on,
-)
+from race_agents.planning.charted_course import borders_along, course_between, line_on
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning, path_of, spread_error
 from race_agents.planning.line_view import LineView
 from race_agents.planning.wall_map import (
