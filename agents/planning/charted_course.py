@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from race_agents.planning.lap_survey import path_of, wall_map_of
+from race_agents.planning.seen_through import walls_unseen
 from race_agents.planning.wall_map import Pose, Scan, WallMap
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, RaceError
 from race_server.scenario.raceline.attach import line_of, stand_in
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.program import load_casadi
 from race_server.scenario.raceline.result import raceline_of
-from race_server.scenario.raceline.solution import fastest_in
+from race_server.scenario.raceline.solution import fastest_of
 from race_server.scenario.track.build import SCALES, TrackSpec, build
 from race_server.scenario.track.corridor import strip_between
 from race_server.scenario.track.course import Course
@@ -64,7 +64,7 @@ class Chart:
     line: ReferenceLine
 
 
-def refine(scans: list[Scan], poses: list[Pose], ways: list[float], cell: float) -> list[Pose]:
+def refine(scans: list[Scan], poses: list[Pose], cell: float) -> list[Pose]:
     """Return poses after each scan was fitted among the scans of the whole lap."""
     for _ in range(REFINING):
         walls = wall_map_of(scans, poses, cell)
@@ -173,28 +173,21 @@ def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Cou
 
 
 def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
-    """Return the line to race; the centre line where nothing solves it.
-
-    It keeps to where the lap that was charted was near: farther off, walls lack more of their tips.
-    """
+    """Return the line to race; the centre line where nothing solves it."""
     bounds = bounds_of(vehicle)
     try:
         load_casadi()
-        frame = frame_of(course, bounds)
-        found = fastest_in(frame, bounds, room=MORE_ROOM * vehicle.width, least=LEAST)
+        found = fastest_of(course, bounds, room=MORE_ROOM * vehicle.width, least=LEAST)
     except RaceError as error:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
     return line_of(course, raceline_of(found.frame, bounds, found.best))
 
 
-def walled_path(
-    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float
-) -> tuple[Floats, WallMap]:
+def walled_path(scans: list[Scan], poses: list[Pose], cell: float) -> tuple[Floats, WallMap]:
     """Return the path (N, 2) [m] of a lap whose poses close, once around, and the walls beside it.
 
-    ways: [m] driven up to each scan; cell: size of a piece of wall [m].
+    cell: size of a piece of wall [m].
     """
-    poses = refine(scans, poses, ways, cell)
     walls = wall_map_of(scans, poses, cell)
     path = path_of(poses)
     # What lies beyond the start is on the path already.
@@ -208,30 +201,29 @@ def scale_of(vehicle: Vehicle) -> str:
     return "1/10" if vehicle.is_model_car else "kart"
 
 
-def chart_lap(
-    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float, vehicle: Vehicle
-) -> Chart:
+def chart_lap(scans: list[Scan], poses: list[Pose], cell: float, vehicle: Vehicle) -> Chart:
     """Return the course of a lap whose poses close, and the line to race on it.
 
     Raises:
         RaceError: no course fits.
     """
-    path, walls = walled_path(scans, poses, ways, cell)
+    poses = refine(scans, poses, cell)
+    path, walls = walled_path(scans, poses, cell)
     left, right = borders_along(path, walls)
     course = course_between(left, right, path, scale_of(vehicle))
+    tips = walls_unseen(scans, poses, left, right, cell)
+    course = replace(course, borders=np.concatenate([course.borders, tips]))
     return Chart(walls.points, walls.normals, course, line_on(course, vehicle))
 
 
-def ask_chart(
-    scans: list[Scan], poses: list[Pose], ways: list[float], cell: float, vehicle: Vehicle
-) -> Chart:
+def ask_chart(scans: list[Scan], poses: list[Pose], cell: float, vehicle: Vehicle) -> Chart:
     """Return what `chart_lap` finds, made by another process.
 
     Raises:
         PlanError: it found none.
     """
     command = [sys.executable, "-m", "race_agents.planning.charted_course"]
-    task = pickle.dumps((scans, poses, ways, cell, vehicle))
+    task = pickle.dumps((scans, poses, cell, vehicle))
     interpreted = {**os.environ, "RACE_SERVER_INTERPRET": "1"}  # no kernel runs there
     done = subprocess.run(command, env=interpreted, input=task, stdout=subprocess.PIPE, check=False)
     try:

@@ -15,6 +15,7 @@ from race_agents.planning.drive_survey import CELL, PATIENCE, STILL
 from race_agents.planning.gap_way import MOUNT
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning
 from race_agents.planning.line_view import LineView
+from race_agents.planning.tactics import STANDSTILL
 from race_agents.planning.wall_map import Scan, WallMap, compose, read_scan
 from race_agents.planning.wayfinder import Wayfinder, places_along
 from race_server.core.clock import TICK_S
@@ -27,6 +28,9 @@ from race_server.errors import PlanError
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
+# Who stands this long [s] on a chart with nothing in the way has a wrong one; a second of driving
+# makes up for this much of it.
+STUCK_S, MADE_UP = 3.0, 0.05
 # Places to look for a lost kart lie this far apart [body lengths].
 APART = 1.5
 
@@ -51,6 +55,7 @@ class Charting:
         self._chart: Chart | None = None
         self._view: LineView | None = None
         self._asked: Future[Chart] | None = None
+        self._stood_s = 0.0
 
     def look(self, observation: Observation) -> Observation | None:
         """Take in what is seen, at each decision; return what the line of the chart adds to it.
@@ -67,6 +72,9 @@ class Charting:
             self._await_chart(observation.tick)
         finder, view = self._finder, self._view
         if finder is None or view is None or finder.is_lost:
+            return None
+        if self._stood_s > STUCK_S:
+            self._begin()
             return None
         step = 0.5 * self._briefing.vehicle.length
         return view.observe(observation, compose(finder.pose, self._moved), step)
@@ -85,6 +93,10 @@ class Charting:
         self._moved = compose(self._moved, step)
         self._way += math.hypot(step[0], step[1])
         self._motion, self._tick = motion, observation.tick
+        if abs(motion[0]) > STANDSTILL:
+            self._stood_s = max(self._stood_s - MADE_UP * seconds, 0.0)
+        elif self._view is not None and not self.meets_others and not _is_held(observation):
+            self._stood_s += seconds
 
     def _take_scan(self, ranges: Floats, tick: int) -> None:
         briefing = self._briefing
@@ -110,7 +122,7 @@ class Charting:
         x, y, heading = poses[-1]
         turn = math.copysign(2.0 * math.pi, heading)
         self._finder = Wayfinder(survey.map_at(poses), (x, y, heading - turn))
-        task = (survey.scans, poses, survey.ways, self._cell, self._briefing.vehicle)
+        task = (survey.scans, poses, self._cell, self._briefing.vehicle)
         thread = ThreadPoolExecutor(1, thread_name_prefix="chart")
         self._asked = thread.submit(ask_chart, *task)
         thread.shutdown(wait=False)
@@ -159,3 +171,9 @@ class Charting:
             self._finder = Wayfinder(walls, self._finder.pose)
         self._chart = chart
         self._view = LineView(chart.line, walls, self._briefing.vehicle)
+
+
+def _is_held(observation: Observation) -> bool:
+    """Return whether a kart stands because it is to."""
+    see = observation.scalar
+    return see("lights") > 0.0 or see("finished") > 0.0 or see("speed_cap") < STANDSTILL

@@ -12,6 +12,7 @@ import numpy as np
 from race_agents.planning.charted_course import (
     borders_along,
     points_between,
+    refine,
     scale_of,
     walled_path,
 )
@@ -92,7 +93,8 @@ def survey_drive(
             continue
         closing = float(np.hypot(*(np.array(survey.poses[-1][:2]) - end.pose[:2])))
         report(0.5)
-        path, walls = walled_path(survey.scans, survey.closed(end.pose), survey.ways, cell)
+        poses = refine(survey.scans, survey.closed(end.pose), cell)
+        path, walls = walled_path(survey.scans, poses, cell)
         report(0.8)
         scale = scale_of(vehicle)
         points = points_between(*borders_along(path, walls), path, scale)

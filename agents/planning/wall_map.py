@@ -55,21 +55,25 @@ class Scan:
 
     points: Floats  # (N, 2) [m]
     normals: Floats  # (N, 2) of length one, towards the lidar
+    lidar: Floats  # (2,) [m]
+    ends: Floats  # (M, 2) [m] of all rays, those that met nothing included
 
 
 def read_scan(ranges: Floats, field: float, reach: float, mount: float, cell: float) -> Scan:
-    """Return the points of a scan whose wall has a direction.
+    """Return the points of a scan whose wall has a direction, and the ends of its rays.
 
     ranges: (R,) [m], right to left, 0 for a drop-out; field: angle between the outermost rays
     [rad]; mount: of the lidar ahead of the kart's middle [m]; cell: size of a piece of wall [m].
     """
     angles = np.linspace(-0.5 * field, 0.5 * field, len(ranges))
-    met = (ranges > 0.0) & (ranges < reach - 0.05)
-    angles, ranges = angles[met], ranges[met]
     points = np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
+    lidar = np.array([mount, 0.0])
+    ends = points[ranges > 0.0] + lidar
+    met = (ranges > 0.0) & (ranges < reach - 0.05)
+    angles, ranges, points = angles[met], ranges[met], points[met]
     count = len(points)
     if count < 2 * NEIGHBOURS[-1] + 1:
-        return Scan(np.zeros((0, 2)), np.zeros((0, 2)))
+        return Scan(np.zeros((0, 2)), np.zeros((0, 2)), lidar, ends)
     nearer = np.minimum(ranges[1:], ranges[:-1])
     breaks = np.abs(np.diff(ranges)) > np.maximum(BREAK * cell, BREAK_SHARE * nearer)
     breaks |= np.diff(angles) > 4.5 * field / 200.0
@@ -94,7 +98,7 @@ def read_scan(ranges: Floats, field: float, reach: float, mount: float, cell: fl
         normals[fits] = across[fits]
         found |= fits
     normals *= np.where(np.sum(normals * points, axis=1) > 0.0, -1.0, 1.0)[:, None]
-    return Scan(points[found] + np.array([mount, 0.0]), normals[found])
+    return Scan(points[found] + lidar, normals[found], lidar, ends)
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.planning.charted_course import borders_along, course_between, line_on
+from race_agents.planning.charted_course import (
+    Chart,
+    borders_along,
+    chart_lap,
+    course_between,
+    line_on,
+)
+from race_agents.planning.charting import Charting
+from race_agents.planning.gap_way import MOUNT
 from race_agents.planning.lap_survey import LapSurvey, dead_reckoning, path_of, spread_error
 from race_agents.planning.line_view import LineView
+from race_agents.planning.seen_through import walls_unseen
 from race_agents.planning.wall_map import (
     Pose,
     Scan,
@@ -19,6 +28,7 @@ from race_agents.planning.wall_map import (
     read_scan,
 )
 from race_agents.planning.wayfinder import Wayfinder
+from race_server.core.clock import ticks_of
 from race_server.core.observation import Observation, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
@@ -26,6 +36,7 @@ from race_server.scenario.raceline.attach import stand_in
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.polyline import area_of, crossings, segments_of
 from race_server.scenario.track.raycast import first_met
+from support.briefings import briefing
 from support.courses import ring
 
 CELL, LENGTH, FIELD, REACH = 0.1, 0.45, math.radians(200.0), 8.0
@@ -211,6 +222,53 @@ def test_a_bent_wall_to_be_driven_around_keeps_its_area_of_2_m2() -> None:
     assert not len(crossings(segments_of(left)))
     assert area_of(left) == pytest.approx(0.5 * (0.3 + 0.4) * 6.0, abs=0.3)
     assert area_of(right) == pytest.approx(math.pi * 6.2 * 4.4, rel=0.01)
+
+
+def test_a_tip_without_a_direction_is_a_wall_since_no_ray_went_through_it() -> None:
+    fence = np.array([[0.0, -2.6, 0.0, -2.2]])  # into the lower straight, from its outer wall
+    poses = [pose_at(way) for way in np.arange(0.0, 8.0 + 4.0 * math.pi, 0.3)]
+
+    def unseen(walls: Floats) -> Floats:
+        scans = [scan_in(walls, pose, seed) for seed, pose in enumerate(poses)]
+        return walls_unseen(scans, poses, oval(-0.4), oval(0.6), CELL)
+
+    assert not len(unseen(OVAL))
+    x, y, *_ = unseen(np.concatenate([OVAL, fence])).T
+    assert np.abs(x[y > -2.4]).max() < 1.5 * CELL
+    assert y.max() == pytest.approx(-2.2, abs=CELL)
+
+
+@cache
+def chart_of_the_oval() -> Chart:
+    survey, poses, _, _ = charted()
+    return chart_lap(survey.scans, poses, CELL, vehicle_named("tt02"))
+
+
+@pytest.mark.parametrize(("lights", "forgotten"), [(0.0, True), (1.0, False)])
+def test_a_kart_that_stands_on_its_chart_for_3_s_forgets_it(
+    monkeypatch: pytest.MonkeyPatch, lights: float, forgotten: bool
+) -> None:
+    monkeypatch.setattr("race_agents.planning.charting.ask_chart", lambda *_: chart_of_the_oval())
+    charting = Charting(briefing("lidar", lidar_field=FIELD, lidar_reach=REACH))
+    layout = layout_of("lidar", 201)
+    mounted = (MOUNT, 0.0, 0.0)
+
+    def look(tick: int, way: float, speed: float, lit: float) -> bool:
+        values = np.zeros(layout.size, np.float32)
+        at = compose(pose_at(way), mounted)
+        turns = speed * (pose_at(way + 0.01)[2] - pose_at(way)[2]) / 0.01
+        shown = {"speed": speed, "yaw_rate": turns, "lights": lit, "speed_cap": 8.0}
+        for part, value in {**shown, "lidar": ranges_in(OVAL, at, tick)}.items():
+            values[layout.slices[part]] = value
+        return charting.look(Observation(tick, layout, values)) is not None
+
+    ticks = ticks_of(0.1)
+    drives = [look(step * ticks, 0.3 * step, 3.0, 0.0) for step in range(160)]
+    assert not any(drives[:65])
+    assert drives[-1]
+    stands = [look((160 + step) * ticks, 0.3 * 159, 0.0, lights) for step in range(40)]
+    assert all(stands[:28])
+    assert stands[-1] != forgotten
 
 
 def test_a_line_keeps_to_the_middle_where_the_course_has_no_more_room() -> None:

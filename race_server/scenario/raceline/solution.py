@@ -57,26 +57,26 @@ class Solution(Fastest):
     near: OffsetLine
 
 
-def fastest_of(course: Course, bounds: Bounds) -> Fastest:
+def fastest_of(course: Course, bounds: Bounds, *, room: float = 0.0, least: float = 0.0) -> Fastest:
     """Return the lap of minimum time, wherever it leads between the borders.
 
     Track coordinates end at the centre of a bend and, in a room, where a frame sees no more. Where
     that confines a lap, stations are laid along it, and the next lap is sought beside it, until
-    nothing is gained.
+    nothing is gained. room, least: see `fastest_in`.
 
     Raises:
         RaceError: CasADi is not installed, or no line fits.
     """
-    found = fastest_in(frame_of(course, bounds), bounds)
+    found = fastest_in(frame_of(course, bounds), bounds, room=room, least=least)
     # Between kerbs a frame about the centre line sees all of the asphalt.
     seen = DEEPEST * course.spacing if course.kerb + course.grass == 0.0 else math.inf
     for _ in range(MOST_FRAMES):
-        if not _is_confined(found, seen - bounds.reach):
+        if not _is_confined(found, seen - bounds.reach - room):
             break
         lap = raceline_of(found.frame, bounds, found.best)
         try:
             frame = frame_about(course, bounds, np.column_stack([lap.x, lap.y]), lap.progress)
-            other = fastest_in(frame, bounds)
+            other = fastest_in(frame, bounds, room=room, least=least)
         except TrackError:
             break  # what is known is a lap, if not the fastest
         before = found.best.time_s

@@ -1,0 +1,62 @@
+"""What the rays of a lap passed through, and what sticks into a course where none did.
+
+A wall that ends in a tip shows the lidar hardly a piece with a direction there, so the border that
+is made of such pieces ends before the tip does. No ray went through it.
+"""
+
+import numpy as np
+
+from race_agents.planning.wall_map import Pose, Scan, placed
+from race_server.core.state import Floats
+from race_server.scenario.track.polyline import is_inside, nearest_on, segments_of
+
+# Side of a square, in cells of the map; how far inside the borders [cells] it is no part of them;
+# scans that must have looked through it.
+SIDE, CLEAR, SEEN = 0.5, 1.0, 2
+
+
+def walls_unseen(
+    scans: list[Scan], poses: list[Pose], left: Floats, right: Floats, cell: float
+) -> Floats:
+    """Return walls (W, 4) x0, y0, x1, y1 [m] around squares between two borders, seen by no ray.
+
+    left, right: closed borders, (N, 2) [m] each; cell: size of a piece of wall [m].
+    """
+    side = SIDE * cell
+    both = np.concatenate([left, right])
+    corner = both.min(axis=0) - 2.0 * side
+    shape = np.ceil((both.max(axis=0) + 2.0 * side - corner) / side).astype(np.int64)
+    seen = _scans_through(scans, poses, corner, shape, side) >= SEEN
+    beside = np.zeros_like(seen)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            beside |= np.roll(seen, step, axis=axis)
+    middles = corner + (np.argwhere(~seen & beside) + 0.5) * side
+    borders = segments_of(left), segments_of(right)
+    middles = middles[is_inside(middles, borders[0]) != is_inside(middles, borders[1])]
+    if not len(middles):
+        return np.zeros((0, 4))
+    off, _ = nearest_on(np.concatenate(borders), middles)
+    half = 0.5 * side
+    square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    around = [segments_of(middle + square) for middle in middles[off > CLEAR * cell]]
+    return np.concatenate([np.zeros((0, 4)), *around])
+
+
+def _scans_through(
+    scans: list[Scan], poses: list[Pose], corner: Floats, shape: Floats, side: float
+) -> Floats:
+    """Return how many scans looked through each square of a grid, shape (columns, rows)."""
+    counts = np.zeros(int(shape.prod()), np.int64)
+    for scan, pose in zip(scans, poses, strict=True):
+        away = scan.ends - scan.lidar
+        length = np.hypot(*away.T)
+        steps = np.arange(0.0, length.max(initial=0.0), 0.5 * side)
+        # The square in which a ray ends may be wall.
+        short = steps[None] < length[:, None] - side
+        ray, step = np.nonzero(short)
+        points = scan.lidar + away[ray] * (steps[step] / length[ray])[:, None]
+        place = np.floor((placed(points, pose) - corner) / side).astype(np.int64)
+        place = place[np.all((place >= 0) & (place < shape), axis=1)]
+        counts[np.unique(place[:, 0] * shape[1] + place[:, 1])] += 1
+    return counts.reshape(tuple(shape))
