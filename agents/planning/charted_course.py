@@ -20,9 +20,9 @@ from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, RaceError
 from race_server.scenario.raceline.attach import line_of, stand_in
 from race_server.scenario.raceline.bounds import bounds_of
-from race_server.scenario.raceline.program import load_casadi
+from race_server.scenario.raceline.program import ROUGH, load_casadi
 from race_server.scenario.raceline.result import raceline_of
-from race_server.scenario.raceline.solution import fastest_of
+from race_server.scenario.raceline.solution import Search, fastest_of
 from race_server.scenario.track.build import SCALES, TrackSpec, build
 from race_server.scenario.track.corridor import strip_between
 from race_server.scenario.track.course import Course
@@ -177,7 +177,7 @@ def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
     bounds = bounds_of(vehicle)
     try:
         load_casadi()
-        found = fastest_of(course, bounds, room=MORE_ROOM * vehicle.width, least=LEAST)
+        found = fastest_of(course, bounds, Search(MORE_ROOM * vehicle.width, LEAST, ROUGH))
     except RaceError as error:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
     return line_of(course, raceline_of(found.frame, bounds, found.best))

@@ -110,9 +110,11 @@ class Charting:
     def _survey_on(self, survey: LapSurvey, scan: Scan, tick: int) -> None:
         """Add a scan to the lap; where it closes, ask for its chart."""
         if not survey.poses:
+            if not scan.is_placed:
+                return  # it would not be known again
             self._began_tick = tick
         survey.add(scan, self._moved, self._way)
-        if survey.failures >= PATIENCE:
+        if survey.failures >= PATIENCE or survey.is_past:
             self._begin()
             return
         end = survey.closing()

@@ -84,7 +84,7 @@ def survey_drive(
         survey.add(scan, moved, way)
         moved, way = STILL, 0.0
         longest = max(longest, survey.ways[-1])
-        if survey.failures >= PATIENCE:
+        if survey.failures >= PATIENCE or survey.is_past:
             survey = LapSurvey(cell, vehicle.length)
             continue
         report(0.5 * number / len(log.ranges))

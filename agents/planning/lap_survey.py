@@ -21,9 +21,8 @@ FITTING = 0.5
 SHORTEST, NEAR, NEAR_SHARE, CLOSING, TURN = 15.0, 2.0, 0.04, 0.7, 0.7
 # The start is looked for on walls of coarse cells first: a fit reaches as far as a cell.
 COARSE = (4.0, 1.0)
-# Between two straight walls a scan fits everywhere. Of the squares of what its walls face the
-# direction that they face least has to have this share.
-PLACED = 0.02
+# Who has turned this far has driven past the start.
+PAST = 3.0 * math.pi
 
 
 @dataclass
@@ -71,6 +70,11 @@ class LapSurvey:
         """Return all walls, seen from other poses of the scans."""
         return wall_map_of(self.scans, poses, self.cell)
 
+    @property
+    def is_past(self) -> bool:
+        """Whether a lap was driven, and did not close."""
+        return bool(self.poses) and abs(self.poses[-1][2]) > PAST
+
     def closing(self) -> Fit | None:
         """Return where the last scan fits beside the start, where the lap is complete."""
         x, y, heading = self.poses[-1]
@@ -78,7 +82,7 @@ class LapSurvey:
         if way < SHORTEST * self.length or abs(abs(heading) - 2.0 * math.pi) > TURN:
             return None
         near, scan = NEAR * self.length + NEAR_SHARE * way, self.scans[-1]
-        if math.hypot(x, y) > near + RECENT * self.length or not _is_placed(scan):
+        if math.hypot(x, y) > near + RECENT * self.length or not scan.is_placed:
             return None
         if not self._beginning:
             end = int(np.searchsorted(self.ways, RECENT * self.length))
@@ -100,14 +104,6 @@ class LapSurvey:
         end: where the last one really is, its heading with the full turn.
         """
         return spread_error(self.poses, self.ways, end)
-
-
-def _is_placed(scan: Scan) -> bool:
-    """Return whether the walls of a scan face both ways, so that they tell where it was taken."""
-    if len(scan.normals) == 0:
-        return False
-    faced = scan.normals.T @ scan.normals / len(scan.normals)
-    return bool(np.linalg.eigvalsh(faced)[0] >= PLACED)
 
 
 def wall_map_of(scans: list[Scan], poses: list[Pose], cell: float) -> WallMap:

@@ -22,6 +22,9 @@ NEIGHBOURS, CHORD, FLAT = (1, 2, 3, 5, 8), 2.0, 0.25
 BREAK, BREAK_SHARE = 2.0, 0.15
 # Pieces and points that agree have normals this near [cosine].
 ALIKE = 0.75
+# Between two straight walls a scan fits everywhere. Of the squares of what its walls face the
+# direction that they face least has to have this share.
+PLACED = 0.02
 ROUNDS = 12
 SETTLED = 1e-4
 # Standard deviation of a point across its wall [m], and how far off [of them] it stops to count.
@@ -57,6 +60,14 @@ class Scan:
     normals: Floats  # (N, 2) of length one, towards the lidar
     lidar: Floats  # (2,) [m]
     ends: Floats  # (M, 2) [m] of all rays, those that met nothing included
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether its walls face both ways, so that they tell where it was taken."""
+        if len(self.normals) == 0:
+            return False
+        faced = self.normals.T @ self.normals / len(self.normals)
+        return bool(np.linalg.eigvalsh(faced)[0] >= PLACED)
 
 
 def read_scan(ranges: Floats, field: float, reach: float, mount: float, cell: float) -> Scan:

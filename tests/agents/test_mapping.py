@@ -116,9 +116,19 @@ def test_a_lap_closes_where_walls_face_both_ways(end: float, closes: bool) -> No
         assert end_of_lap.pose[0] == pytest.approx(0.5, abs=0.05)
 
 
+def test_a_lap_that_did_not_close_is_past_after_a_turn_and_a_half() -> None:
+    survey = LapSurvey(CELL, LENGTH)
+    assert not survey.is_past
+    survey.add(scan_in(ROOM, (0.0, 0.0, 0.0), seed=0), (0.0, 0.0, 0.0), 0.0)
+    for turned, past in ((2.9 * math.pi, False), (-3.1 * math.pi, True)):
+        survey.poses[-1] = (0.0, 0.0, turned)
+        assert survey.is_past == past
+
+
 def test_a_lidar_that_met_nothing_makes_a_map_that_nothing_fits() -> None:
     nothing = np.zeros((0, 2))
     empty = WallMap(nothing, nothing, CELL)
+    assert not read_scan(np.full(201, REACH), FIELD, REACH, 0.0, CELL).is_placed
     assert (
         empty.match(scan_in(ROOM, (0.0, 0.0, 0.0), seed=1), (0.0, 0.0, 0.0), (1.0, 1.0)).share
         == 0.0

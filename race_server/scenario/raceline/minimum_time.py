@@ -7,7 +7,7 @@ import numpy as np
 from race_server.scenario.raceline.baselines import CALM, STEEPEST, OffsetLine, follow_track
 from race_server.scenario.raceline.bounds import SLOWEST, Bounds
 from race_server.scenario.raceline.frame import Frame
-from race_server.scenario.raceline.program import Program, following
+from race_server.scenario.raceline.program import EXACT, Program, following
 from race_server.scenario.raceline.tyres import slip_of
 from race_server.scenario.track.course import Floats
 
@@ -25,7 +25,9 @@ class TimedLine:
     time_s: float
 
 
-def fastest_lap(frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats) -> TimedLine:
+def fastest_lap(
+    frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats, tolerance: float = EXACT
+) -> TimedLine:
     """Return the flying lap of minimum time, starting from another line and its speeds.
 
     States along the centre line's s: offset n, bearing b, speed v, curvature c; controls: the
@@ -64,7 +66,7 @@ def fastest_lap(frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats) 
 
     swing = following(turning) - turning
     total = frame.step * program.casadi.sum1(slowness + CALM * turning**2 + CALMER * swing**2)
-    found = program.minimise(total, f"{frame.name}: lap of minimum time")
+    found = program.minimise(total, f"{frame.name}: lap of minimum time", tolerance)
     line = OffsetLine(*found[:3])
     time = float(np.sum(frame.step * line.stretch(frame) / found[3]))
     return TimedLine(line, found[3], time)

@@ -23,6 +23,7 @@ from race_server.scenario.raceline.frame import (
     frame_of,
 )
 from race_server.scenario.raceline.minimum_time import TimedLine, fastest_lap
+from race_server.scenario.raceline.program import EXACT
 from race_server.scenario.raceline.result import (
     Limit,
     profile_of,
@@ -42,6 +43,18 @@ MOST_FRAMES = 6
 
 
 @dataclass(frozen=True)
+class Search:
+    """What is asked of a lap besides its time."""
+
+    room: float = 0.0  # [m] kept free beside the borders, besides the margin
+    least: float = 0.0  # [m] left to each side of the middle where a course is too narrow for that
+    tolerance: float = EXACT
+
+
+STRICT = Search()
+
+
+@dataclass(frozen=True)
 class Fastest:
     """The lap of minimum time, and where it was found."""
 
@@ -57,26 +70,26 @@ class Solution(Fastest):
     near: OffsetLine
 
 
-def fastest_of(course: Course, bounds: Bounds, *, room: float = 0.0, least: float = 0.0) -> Fastest:
+def fastest_of(course: Course, bounds: Bounds, search: Search = STRICT) -> Fastest:
     """Return the lap of minimum time, wherever it leads between the borders.
 
     Track coordinates end at the centre of a bend and, in a room, where a frame sees no more. Where
     that confines a lap, stations are laid along it, and the next lap is sought beside it, until
-    nothing is gained. room, least: see `fastest_in`.
+    nothing is gained.
 
     Raises:
         RaceError: CasADi is not installed, or no line fits.
     """
-    found = fastest_in(frame_of(course, bounds), bounds, room=room, least=least)
+    found = fastest_in(frame_of(course, bounds), bounds, search)
     # Between kerbs a frame about the centre line sees all of the asphalt.
     seen = DEEPEST * course.spacing if course.kerb + course.grass == 0.0 else math.inf
     for _ in range(MOST_FRAMES):
-        if not _is_confined(found, seen - bounds.reach - room):
+        if not _is_confined(found, seen - bounds.reach - search.room):
             break
         lap = raceline_of(found.frame, bounds, found.best)
         try:
             frame = frame_about(course, bounds, np.column_stack([lap.x, lap.y]), lap.progress)
-            other = fastest_in(frame, bounds, room=room, least=least)
+            other = fastest_in(frame, bounds, search)
         except TrackError:
             break  # what is known is a lap, if not the fastest
         before = found.best.time_s
@@ -87,19 +100,16 @@ def fastest_of(course: Course, bounds: Bounds, *, room: float = 0.0, least: floa
     return found
 
 
-def fastest_in(frame: Frame, bounds: Bounds, *, room: float = 0.0, least: float = 0.0) -> Fastest:
+def fastest_in(frame: Frame, bounds: Bounds, search: Search = STRICT) -> Fastest:
     """Return the lap of minimum time in one frame.
-
-    room: [m] that is kept free beside the borders besides the margin, where at least `least` [m]
-    to either side of the middle are left.
 
     Raises:
         RaceError: CasADi is not installed, or no line fits.
     """
-    inner = frame.narrowed(room, least)
+    inner = frame.narrowed(search.room, search.least)
     calm = least_curved(inner, bounds)
     _, speeds = profile_of(inner, calm, bounds)
-    return Fastest(frame, calm, fastest_lap(inner, bounds, calm, speeds))
+    return Fastest(frame, calm, fastest_lap(inner, bounds, calm, speeds, search.tolerance))
 
 
 def _is_confined(found: Fastest, most: float) -> bool:
