@@ -20,9 +20,9 @@ from race_server.scenario.raceline.bundled import bundled_name, limits_folder, r
 from race_server.scenario.raceline.export import exports
 from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import driving, grip_left, lap_time, speeds_on
-from race_server.scenario.raceline.program import Program
+from race_server.scenario.raceline.program import ROUGH, Program
 from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit
-from race_server.scenario.raceline.solution import limit_of, solve
+from race_server.scenario.raceline.solution import Search, fastest_of, limit_of, solve
 from race_server.scenario.raceline.tyres import cornering_drag
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course, read_course
@@ -375,6 +375,13 @@ def test_the_command_prints_and_draws(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     table = CliRunner().invoke(app, words)
     assert "minimum time" in table.stdout
+
+
+def test_a_rough_search_of_the_oval_is_slower_than_an_exact_one_by_less_than_0_3_percent() -> None:
+    course, bounds = load_course("oval-report"), bounds_of(TT02)
+    exact = fastest_of(course, bounds).best.time_s
+    rough = fastest_of(course, bounds, Search(tolerance=ROUGH)).best.time_s
+    assert exact < rough < 1.003 * exact
 
 
 def test_a_root_that_has_no_value_where_the_search_begins_is_no_warning(
