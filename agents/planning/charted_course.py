@@ -46,9 +46,8 @@ SOFT = 0.4
 # Scans that must have seen a piece of wall.
 SEEN = 2
 # Free room [widths of the vehicle] between body and border beside what every line keeps: the map's
-# error, that of a pose and that of the steering come off it. Corners of walls lack their tips in
-# the map, and borders are smoothed: by 0.1 m together. Where a course is too narrow for that, the
-# line has LEAST [m] to each side of the middle.
+# error, that of a pose and that of the steering come off it, and borders are smoothed. Where a
+# course is too narrow for that, the line has LEAST [m] to each side of the middle.
 MORE_ROOM, LEAST = 0.537, 0.01
 # Rounds in which every scan is fitted among all others, and the trust in its pose [m], [rad].
 REFINING, TRUST = 2, (0.1, 0.02)
@@ -213,7 +212,12 @@ def chart_lap(scans: list[Scan], poses: list[Pose], cell: float, vehicle: Vehicl
     course = course_between(left, right, path, scale_of(vehicle))
     tips = walls_unseen(scans, poses, left, right, cell)
     course = replace(course, borders=np.concatenate([course.borders, tips]))
-    return Chart(walls.points, walls.normals, course, line_on(course, vehicle))
+    line = line_on(course, vehicle)
+    if len(tips):
+        off, _ = nearest_on(tips, np.column_stack([line.x, line.y]))
+        if off.min() < 0.5 * vehicle.width:
+            raise PlanError("the line leads through what no ray went through")
+    return Chart(walls.points, walls.normals, course, line)
 
 
 def ask_chart(scans: list[Scan], poses: list[Pose], cell: float, vehicle: Vehicle) -> Chart:

@@ -28,9 +28,9 @@ from race_server.errors import PlanError
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
-# Who stands this long [s] on a chart with nothing in the way has a wrong one; a second of driving
-# makes up for this much of it.
-STUCK_S, MADE_UP = 3.0, 0.05
+# Who stands this long [s] on a chart has a wrong one; a second of driving makes up for this much of
+# it. After so many wrong ones a course is not charted again.
+STUCK_S, MADE_UP, MOST_WRONG = 4.0, 0.05, 2
 # Places to look for a lost kart lie this far apart [body lengths].
 APART = 1.5
 
@@ -46,6 +46,7 @@ class Charting:
         self._motion = STILL
         self._ranges: Floats = np.zeros(0)
         self._moved, self._way, self._scan_tick = STILL, 0.0, 0
+        self._wrong = 0  # charts
         self._begin()
 
     def _begin(self) -> None:
@@ -70,11 +71,11 @@ class Charting:
             self._moved, self._way, self._scan_tick = STILL, 0.0, observation.tick
         if self._asked is not None:
             self._await_chart(observation.tick)
+        if self._stood_s > STUCK_S:
+            self._wrong += 1
+            self._begin()
         finder, view = self._finder, self._view
         if finder is None or view is None or finder.is_lost:
-            return None
-        if self._stood_s > STUCK_S:
-            self._begin()
             return None
         step = 0.5 * self._briefing.vehicle.length
         return view.observe(observation, compose(finder.pose, self._moved), step)
@@ -95,7 +96,7 @@ class Charting:
         self._motion, self._tick = motion, observation.tick
         if abs(motion[0]) > STANDSTILL:
             self._stood_s = max(self._stood_s - MADE_UP * seconds, 0.0)
-        elif self._view is not None and not self.meets_others and not _is_held(observation):
+        elif self._view is not None and not _is_held(observation):
             self._stood_s += seconds
 
     def _take_scan(self, ranges: Floats, tick: int) -> None:
@@ -110,14 +111,14 @@ class Charting:
     def _survey_on(self, survey: LapSurvey, scan: Scan, tick: int) -> None:
         """Add a scan to the lap; where it closes, ask for its chart."""
         if not survey.poses:
-            if not scan.is_placed:
-                return  # it would not be known again
+            if not scan.is_placed or self._wrong >= MOST_WRONG:
+                return  # its start would not be known again, or its chart is wrong each time
             self._began_tick = tick
         survey.add(scan, self._moved, self._way)
+        end = survey.closing()
         if survey.failures >= PATIENCE or survey.is_past:
             self._begin()
             return
-        end = survey.closing()
         if end is None:
             return
         poses = survey.closed(end.pose)
@@ -178,4 +179,5 @@ class Charting:
 def _is_held(observation: Observation) -> bool:
     """Return whether a kart stands because it is to."""
     see = observation.scalar
-    return see("lights") > 0.0 or see("finished") > 0.0 or see("speed_cap") < STANDSTILL
+    told = max(see(part) for part in ("lights", "finished", "wrong_way", "rescue_offered"))
+    return told > 0.0 or see("speed_cap") < STANDSTILL

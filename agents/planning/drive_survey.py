@@ -84,11 +84,11 @@ def survey_drive(
         survey.add(scan, moved, way)
         moved, way = STILL, 0.0
         longest = max(longest, survey.ways[-1])
+        end = survey.closing()
         if survey.failures >= PATIENCE or survey.is_past:
             survey = LapSurvey(cell, vehicle.length)
             continue
         report(0.5 * number / len(log.ranges))
-        end = survey.closing()
         if end is None:
             continue
         closing = float(np.hypot(*(np.array(survey.poses[-1][:2]) - end.pose[:2])))

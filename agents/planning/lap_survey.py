@@ -19,10 +19,10 @@ FITTING = 0.5
 # The shortest lap [body lengths]; how near to its start the odometry says to be [body lengths, and
 # share of the way driven]; how well the scan fits there; how far its net turn may be from a circle.
 SHORTEST, NEAR, NEAR_SHARE, CLOSING, TURN = 15.0, 2.0, 0.04, 0.7, 0.7
+# Who has turned this far has driven past the start, however small the course.
+PAST = 4.0 * math.pi - TURN
 # The start is looked for on walls of coarse cells first: a fit reaches as far as a cell.
 COARSE = (4.0, 1.0)
-# Who has turned this far has driven past the start.
-PAST = 3.0 * math.pi
 
 
 @dataclass
@@ -35,6 +35,8 @@ class LapSurvey:
     poses: list[Pose] = field(default_factory=list)
     ways: list[float] = field(default_factory=list)  # [m] driven up to each scan
     failures: int = 0  # scans in a row that fit nothing
+    is_past: bool = False  # whether it was beside its start, and the lap did not close
+    _was_beside: bool = False
     _beginning: list[WallMap] = field(default_factory=list)
 
     def add(self, scan: Scan, moved: Pose, way: float) -> Fit:
@@ -70,19 +72,18 @@ class LapSurvey:
         """Return all walls, seen from other poses of the scans."""
         return wall_map_of(self.scans, poses, self.cell)
 
-    @property
-    def is_past(self) -> bool:
-        """Whether a lap was driven, and did not close."""
-        return bool(self.poses) and abs(self.poses[-1][2]) > PAST
-
     def closing(self) -> Fit | None:
         """Return where the last scan fits beside the start, where the lap is complete."""
         x, y, heading = self.poses[-1]
         way = self.ways[-1]
-        if way < SHORTEST * self.length or abs(abs(heading) - 2.0 * math.pi) > TURN:
-            return None
         near, scan = NEAR * self.length + NEAR_SHARE * way, self.scans[-1]
-        if math.hypot(x, y) > near + RECENT * self.length or not scan.is_placed:
+        is_away = math.hypot(x, y) > near + RECENT * self.length
+        self.is_past = self._was_beside and (is_away or abs(heading) > PAST)
+        turned = abs(abs(heading) - 2.0 * math.pi) <= TURN
+        if is_away or not turned or way < SHORTEST * self.length:
+            return None
+        self._was_beside = True
+        if not scan.is_placed:
             return None
         if not self._beginning:
             end = int(np.searchsorted(self.ways, RECENT * self.length))

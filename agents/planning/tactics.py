@@ -29,9 +29,9 @@ FINISHED = PART_NUMBERS["finished"]
 # A kart that should drive and moves slower than this [m/s] is not getting anywhere.
 STANDSTILL = 0.15
 PATIENCE_S = 0.6
-# An attempt to get free is forgotten after this time [s] of driving, and no more than so many make
-# it back out farther.
-FORGOTTEN_S, MOST_ATTEMPTS = 2.0, 8.0
+# Attempts to get free are forgotten once it has driven for this time [s], and no more than so many
+# make it back out farther.
+FORGOTTEN_S, MOST_ATTEMPTS = 4.0, 8.0
 
 
 @kernel
@@ -118,17 +118,18 @@ def _escape(cockpit: Cockpit) -> None:
         return
     held = observation[offsets[FLAG]] > 1.5
     if abs(speed) > STANDSTILL or held:
-        memory[STANDING] = 0.0
-        if speed > 1.0:
-            memory[ATTEMPTS] = max(memory[ATTEMPTS] - step / FORGOTTEN_S, 0.0)
+        driven = min(memory[STANDING], 0.0)
+        memory[STANDING] = driven - step if speed > 1.0 else 0.0
+        if driven < -FORGOTTEN_S:
+            memory[ATTEMPTS] = 0.0
         return
-    memory[STANDING] += step
+    memory[STANDING] = max(memory[STANDING], 0.0) + step
     if memory[STANDING] > PATIENCE_S:
         memory[ATTEMPTS] += 1.0
         memory[STANDING] = 0.0
         memory[REVERSING] = 0.4 + 0.2 * min(memory[ATTEMPTS], MOST_ATTEMPTS)
         memory[ESCAPE] = -1.0 if control[0] >= 0.0 else 1.0
-        if int(memory[ATTEMPTS]) % 3 == 0:
+        if memory[ATTEMPTS] % 3.0 == 0.0:
             memory[ESCAPE] = 0.0
 
 

@@ -22,9 +22,9 @@ from race_server.core.vehicles import vehicle_record
 # Places in `Cockpit.setup`: lidar field [rad], lidar reach [m], time between decisions [s].
 FIELD, REACH, DECISION = range(3)
 
-# Places in `Cockpit.memory`. How long the kart has stood, and is still to reverse [s]; the steering
-# while it reverses; attempts to get free; whether a button is down; the lane left of the line, or
-# what a driver keeps instead; sum and age [s] of the last scan.
+# Places in `Cockpit.memory`. How long the kart has stood, or, negative, driven, and how long it is
+# still to reverse [s]; the steering while it reverses; attempts to get free; whether a button is
+# down; the lane left of the line, or what a driver keeps instead; sum and age [s] of the last scan.
 STANDING, REVERSING, ESCAPE, ATTEMPTS, PRESSED, SHIFT, SCAN_SUM, SCAN_AGE = range(8)
 # Advice of a policy to a driver that takes it, zeros without one: lane to the left [m], more speed
 # as a share, the button (press above URGENT, hold below its negative), more speed as a share where

@@ -106,7 +106,7 @@ def _ways_to_borders(course: Course, points: Floats, heading: Floats) -> tuple[F
         way, met = nearest_on(loop, points)
         away = met - points
         aside = np.cos(heading) * away[:, 1] - np.sin(heading) * away[:, 0]
-        side = left if np.median(aside) > 0.0 else right
+        side = left if aside[np.argmin(way)] > 0.0 else right
         np.minimum(side, way, out=side)
     return left, right
 
