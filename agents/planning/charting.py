@@ -28,8 +28,8 @@ from race_server.errors import PlanError
 # it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
-# Who stands this long [s] on a chart has a wrong one; a second of driving makes up for this much of
-# it. After so many wrong ones a course is not charted again.
+# A kart that stands this long [s] on its chart has a wrong one; a second of driving makes up for
+# this much of it. After this number of wrong charts a course is not charted again.
 STUCK_S, MADE_UP, MOST_WRONG = 4.0, 0.05, 2
 # Places to look for a lost kart lie this far apart [body lengths].
 APART = 1.5

@@ -19,7 +19,7 @@ FITTING = 0.5
 # The shortest lap [body lengths]; how near to its start the odometry says to be [body lengths, and
 # share of the way driven]; how well the scan fits there; how far its net turn may be from a circle.
 SHORTEST, NEAR, NEAR_SHARE, CLOSING, TURN = 15.0, 2.0, 0.04, 0.7, 0.7
-# Who has turned this far has driven past the start, however small the course.
+# A kart that has turned this far has driven past its start, however small the course is.
 PAST = 4.0 * math.pi - TURN
 # The start is looked for on walls of coarse cells first: a fit reaches as far as a cell.
 COARSE = (4.0, 1.0)

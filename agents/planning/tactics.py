@@ -29,8 +29,8 @@ FINISHED = PART_NUMBERS["finished"]
 # A kart that should drive and moves slower than this [m/s] is not getting anywhere.
 STANDSTILL = 0.15
 PATIENCE_S = 0.6
-# Attempts to get free are forgotten once it has driven for this time [s], and no more than so many
-# make it back out farther.
+# Attempts to get free are forgotten once it has driven for this time [s]. Each makes it back out
+# farther, up to this number.
 FORGOTTEN_S, MOST_ATTEMPTS = 4.0, 8.0
 
 

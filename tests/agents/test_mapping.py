@@ -1,6 +1,7 @@
 """Mapping a course by lidar: where a scan fits, how a lap closes, how wide the course is."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -32,6 +33,7 @@ from race_server.core.clock import ticks_of
 from race_server.core.observation import Observation, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.scenario.raceline import attach
 from race_server.scenario.raceline.attach import stand_in
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.polyline import area_of, crossings, segments_of
@@ -305,6 +307,19 @@ def test_a_line_keeps_to_the_middle_where_the_course_has_no_more_room() -> None:
     assert np.hypot(line.x, line.y) == pytest.approx(3.0, abs=0.011)
     # It shows the course as wide as it is.
     assert line.left + line.right == pytest.approx(0.47, abs=0.005)
+
+
+def test_a_tip_of_the_right_wall_takes_room_on_the_right_alone() -> None:
+    # Counter-clockwise between radii of 2.4 and 3.6 m, on one of 3.3 m. From most of the lap the
+    # tip lies to the left.
+    course = ring(radius=3.0, half_width=0.6)
+    tip = segments_of(np.array([(3.5, -0.05), (3.6, -0.05), (3.6, 0.05), (3.5, 0.05)]))
+    course = replace(course, borders=np.concatenate([course.borders, tip]))
+    turns = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
+    points = 3.3 * np.column_stack([np.cos(turns), np.sin(turns)])
+    left, right = attach._ways_to_borders(course, points, turns + 0.5 * math.pi)
+    assert left == pytest.approx(0.9, abs=0.01)
+    assert right[[0, 30]] == pytest.approx((0.2, 0.3), abs=0.01)
 
 
 def test_a_kart_that_was_put_elsewhere_is_found_again() -> None:
