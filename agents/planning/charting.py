@@ -25,7 +25,8 @@ from race_server.core.state import Floats
 from race_server.errors import PlanError
 
 # The line takes effect so much later [s] than the lap closed, and as much more for each metre of
-# it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it.
+# it. A world that is faster than the clock waits meanwhile, so that runs do not depend on it where
+# the solver is in time.
 LATER_S, LATER_PER_M = 4.0, 0.1
 MOST_WAIT_S = 1.0  # in one decision
 # A kart that stands this long [s] on its chart has a wrong one; a second of driving makes up for

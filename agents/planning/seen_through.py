@@ -8,7 +8,12 @@ import numpy as np
 
 from race_agents.planning.wall_map import Pose, Scan, placed
 from race_server.core.state import Floats
-from race_server.scenario.track.polyline import is_inside, nearest_on, segments_of
+from race_server.scenario.track.polyline import (
+    corners_of_box,
+    is_inside,
+    nearest_on,
+    segments_of,
+)
 
 # Side of a square, in cells of the map; how far inside the borders [cells] it is no part of them;
 # scans that look through what is free; neighbours that are not free either, at least.
@@ -37,9 +42,9 @@ def walls_unseen(
     if not len(middles):
         return np.zeros((0, 4))
     off, _ = nearest_on(np.concatenate(borders), middles)
-    half = 0.5 * side
-    square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
-    walls = [segments_of(middle + square) for middle in middles[off > CLEAR * cell]]
+    walls = [
+        segments_of(corners_of_box(x, y, 0.0, side, side)) for x, y in middles[off > CLEAR * cell]
+    ]
     return np.concatenate([np.zeros((0, 4)), *walls])
 
 

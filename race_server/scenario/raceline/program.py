@@ -9,7 +9,7 @@ from race_server.scenario.track.course import Floats
 
 # Every path and every lap converges in some tens of iterations; beyond this none fits.
 MOST_ITERATIONS = 600
-# Where IPOPT stops. ROUGH takes up to a fifth of the iterations, and a lap is 0.1 % slower.
+# Where IPOPT stops. ROUGH takes as little as a fifth of the iterations, for laps 0.1 % slower.
 EXACT, ROUGH = 1e-6, 1e-4
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
