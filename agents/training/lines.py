@@ -2,12 +2,14 @@
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
 
 from race_server.core.vehicles import Vehicle
+from race_server.envs.task import Task
 from race_server.errors import RaceError
 from race_server.scenario.race import Scenario
 from race_server.scenario.raceline.attach import line_of
@@ -16,8 +18,16 @@ from race_server.scenario.raceline.detour import around
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.track.course import Course
 
+TOLD_S = 5.0  # between two lines that tell how many are computed
+
 Say = Callable[[str], None]
 Job = tuple[Course, Vehicle, float | None]  # and the margin [m]
+
+
+def find_lines_shown(tasks: Iterable[Task], workers: int, say: Say) -> None:
+    """Compute the lines that tasks show; without it their worlds do, one by one and silently."""
+    scenarios = [one for task in tasks if task.wants_line for one in task.scenarios]
+    find_lines(scenarios, None, workers, say)
 
 
 def find_lines(
@@ -27,10 +37,11 @@ def find_lines(
 
     Lines are kept in the user's cache. If no line fits with the margin, that of a race is used.
     """
-    jobs = [(one.course, one.vehicle_of(0), margin) for one in scenarios]
+    # Fields of several sizes race on one course.
+    jobs = dict.fromkeys((one.course, one.vehicle_of(0), margin) for one in scenarios)
     unknown = [job for job in jobs if known_limit(job[0], bounds_of(job[1], margin=margin)) is None]
     if unknown:
-        say(f"reference lines: {len(unknown)} to compute, about a second each")
+        say(f"reference lines: {len(unknown)} to compute, 1 to 20 s each")
         _find(unknown, workers, say)
     if margin is None:
         return tuple(scenarios)
@@ -38,8 +49,10 @@ def find_lines(
 
 
 def _find(jobs: Sequence[Job], workers: int, say: Say) -> None:
+    told = time.monotonic()
     for number, _ in enumerate(_found(jobs, min(workers, len(jobs))), 1):
-        if number % 10 == 0 or number == len(jobs):
+        if number == len(jobs) or time.monotonic() - told >= TOLD_S:
+            told = time.monotonic()
             say(f"reference lines: {number} of {len(jobs)}")
 
 

@@ -28,7 +28,7 @@ from race_agents.training.far_ppo import Crew, FarKarts, FarPpo
 from race_agents.training.film import record_laps, record_parking
 from race_agents.training.imitation import Imitation
 from race_agents.training.learner import learner_of, world_of
-from race_agents.training.lines import Say
+from race_agents.training.lines import Say, find_lines_shown
 from race_agents.training.normaliser import Normaliser
 from race_agents.training.policy_start import begin_with_policy
 from race_agents.training.race_marks import RaceMarks
@@ -39,9 +39,11 @@ from race_agents.training.tasks import (
     courses_of,
     evaluation_tasks,
     final_courses,
+    training_task,
     validation_courses,
 )
 from race_server.envs.sb3 import KartVecEnv
+from race_server.envs.task import Task
 from race_server.errors import RaceError, ScenarioError
 from race_server.scenario.sensors import Lidar
 
@@ -81,9 +83,9 @@ def train(
         RaceError: the settings are not valid, or there is nothing to resume.
     """
     budget = Budget.of(settings)
-    for courses in (validation_courses(settings), final_courses(settings)):
-        evaluation_tasks(settings, courses)  # a wrong name is refused now, not after hours
+    tasks = _tasks_here(settings, learns=karts is None and crew is None)
     warn_of_lidar(settings, say)
+    find_lines_shown(tasks, settings.threads, say)
     logs = str(place / "tensorboard") if tensorboard else None
     world, learner = _begun(settings, budget, logs, karts, crew)
     best_score = -np.inf
@@ -120,6 +122,18 @@ def train(
         world.close()
         callback.examiner.close()
     return TrainingResult(place, marks, document, stopped)
+
+
+def _tasks_here(settings: Settings, *, learns: bool) -> list[Task]:
+    """Return the tasks whose worlds are built here: evaluations, and what is learned if `learns`.
+
+    Raises:
+        RaceError: a name is wrong, which is said now and not after hours.
+    """
+    tasks = [training_task(settings)] if learns else []
+    for courses in (validation_courses(settings), final_courses(settings)):
+        tasks += evaluation_tasks(settings, courses).values()
+    return tasks
 
 
 def _begun(
