@@ -19,6 +19,7 @@ from race_server.core import codes
 from race_server.core.clock import ticks_of
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.kernel_driver import (
+    ACTED,
     ASIDE,
     FETCH,
     Cockpits,
@@ -267,7 +268,7 @@ def command_all(kind: int, cockpits: Cockpits, actions: Float32s, table: Floats)
     for row in range(len(cockpits.seats)):
         cockpit = cockpit_at(cockpits, row)
         observation, offsets = cockpit.observation, cockpit.offsets
-        control, kept = cockpit.control, cockpit.memory
+        control, kept = cockpit.control, cockpit.memory[ACTED:]
         if observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0:
             control[0], control[1], control[2], control[3] = 0.0, 0.0, 1.0, 0.0
             kept[MEMORY] = 0.0

@@ -2,12 +2,13 @@
 
 It is shown the line slower where it came too near to a border before, and what it will see once its
 command acts, where commands act late. What it answers is turned further where the steering has
-play.
+play, and gives way to the way out of a jam: no network here counts how long it has stood.
 """
 
 from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
+from race_agents.planning.tactics import FINISHED, LIGHTS, get_free
 from race_server.core.kernel_driver import Cockpits, cockpit_at
 from race_server.core.kernels.jit import kernel
 
@@ -23,11 +24,14 @@ def foresee_for_all(cockpits: Cockpits) -> None:
 
 @kernel
 def remember_for_all(cockpits: Cockpits) -> None:
-    """Take up the play of the steering of many karts, and remember what they are told to do."""
+    """Take up play, get karts free that are stuck, and remember what all are told to do."""
     for row in range(len(cockpits.seats)):
         cockpit = cockpit_at(cockpits, row)
+        observation, offsets = cockpit.observation, cockpit.offsets
         control, limit = cockpit.control, cockpit.vehicle.steering_limit
-        now = cockpit.observation[cockpit.offsets[STEERING]]
+        now = observation[offsets[STEERING]]
         steering = take_up_play(cockpit.memory, control[0] * limit, now) / limit
         control[0] = min(max(steering, -1.0), 1.0)
+        if observation[offsets[LIGHTS]] <= 0.0 and observation[offsets[FINISHED]] <= 0.0:
+            get_free(cockpit)
         remember_command(cockpit.memory, control)

@@ -49,12 +49,18 @@ def finish_decision(cockpit: Cockpit) -> None:
     buttons = codes.USE_ITEM if pressed else 0
     if observation[offsets[RESCUE_OFFERED]] > 0.0:
         buttons |= codes.ACCEPT_RESCUE
-    if observation[offsets[WRONG_WAY]] > 0.0:
+    get_free(cockpit)
+    control[3] = buttons
+
+
+@kernel
+def get_free(cockpit: Cockpit) -> None:
+    """Replace the pedals and the steering by the way out where a kart is stuck, or turned round."""
+    if cockpit.observation[cockpit.offsets[WRONG_WAY]] > 0.0:
         # Turned round in a crowd: to stand still is the way to be put back on the line.
-        _stand(control)
+        _stand(cockpit.control)
     else:
         _escape(cockpit)
-    control[3] = buttons
 
 
 @kernel

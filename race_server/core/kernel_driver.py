@@ -37,8 +37,10 @@ URGENT = 0.3
 TURNED = LATELY + 32
 # How many places it has driven through and which, see `agents/planning/driven_way.py`.
 DRIVEN, DRIVEN_POINTS = TURNED + 4, 16
+# What the actions of a policy keep, see `race_server/envs/actions.py`.
+ACTED = DRIVEN + 1 + 2 * DRIVEN_POINTS
 # Two scans, the points of a scan (x, y), and a row of WORK numbers: see `memory_size`.
-KEPT = DRIVEN + 1 + 2 * DRIVEN_POINTS
+KEPT = ACTED + 6
 WORK = 320
 # After a longer time [s] without an observation only this much of it counts.
 LONGEST_S = 1.0

@@ -1,0 +1,65 @@
+"""A policy that drives on the line gets free where it is stuck, as the drivers on the line do."""
+
+import numpy as np
+import pytest
+
+from race_agents.planning.line_policy import remember_for_all
+from race_server.core.driver import Briefing
+from race_server.core.kernel_driver import Cockpits, cockpit_for
+from race_server.core.observation import PART_NUMBERS, layout_of
+from race_server.core.state import Floats
+from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import vehicle_record
+
+DECISION_S = 0.05
+
+
+def commands(answer: list[float], decisions: int, **seen: float) -> Floats:
+    """Return what a kart is told after each decision, shape (decisions, 4)."""
+    cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout_of("line", 0))
+    for name, value in seen.items():
+        cockpit.observation[cockpit.offsets[PART_NUMBERS[name]]] = value
+    cockpits = Cockpits(
+        np.zeros((1, 2), np.int64),
+        cockpit.observation[None, None],
+        cockpit.offsets,
+        vehicle_record(TT02).reshape(1, 1),
+        cockpit.setup,
+        cockpit.item_uses,
+        cockpit.memory[None, None],
+        cockpit.control[None, None],
+    )
+    told = np.zeros((decisions, 4))
+    for row in told:
+        cockpit.control[:] = answer
+        remember_for_all(cockpits)
+        row[:] = cockpit.control
+    return told
+
+
+def test_after_standing_for_0_6_s_it_backs_out_with_its_wheels_turned_the_other_way() -> None:
+    told = commands([0.5, 1.0, 0.0, 0.0], 20)
+    assert (told[:12, 1] == 1.0).all()
+    assert told[14, :3].tolist() == [-1.0, -1.0, 0.0]
+
+
+def test_the_button_that_it_holds_stays_down_meanwhile() -> None:
+    assert (commands([0.5, 1.0, 0.0, 2.0], 20)[:, 3] == 2.0).all()
+
+
+@pytest.mark.parametrize("name", ["lights", "finished"])
+def test_before_the_start_and_after_the_finish_it_stands_for_as_long_as_it_takes(name: str) -> None:
+    told = commands([0.0, 0.0, 1.0, 0.0], 100, **{name: 1.0})
+    assert (told[:, 1] == 0.0).all()
+    assert (told[:, 2] == 1.0).all()
+
+
+def test_a_kart_that_drives_does_what_the_network_says() -> None:
+    told = commands([0.5, 1.0, 0.0, 0.0], 100, speed=2.0)
+    assert (told[:, 1] == 1.0).all()
+    assert told[-1, 0] == pytest.approx(0.5)
+
+
+def test_a_kart_that_is_turned_round_stands_until_it_is_put_back() -> None:
+    told = commands([0.5, 1.0, 0.0, 0.0], 3, speed=2.0, wrong_way=1.0)
+    assert (told[:, :3] == [0.0, 0.0, 1.0]).all()
