@@ -17,7 +17,7 @@ from race_agents.planning.latency import (
     estimate_latency,
     steering_play,
 )
-from race_agents.planning.tactics import KARTS_X, LIGHTS, SPEED
+from race_agents.planning.tactics import KARTS_X, LIGHTS, SPEED, STANDSTILL
 from race_agents.planning.tracking import (
     CURVATURE,
     HEADING,
@@ -61,6 +61,8 @@ def look_ahead(cockpit: Cockpit) -> None:
     delay = int(memory[LATENCY])
     if delay == 0 or observation[offsets[LIGHTS]] > 0.0:
         return
+    if abs(observation[offsets[SPEED]]) < STANDSTILL:
+        return  # it may stand at a wall, of which the model has none
     x, y, heading, along = roll_on(cockpit, delay)
     follow_line(cockpit, along, x, y, heading)
     late_s = delay * setup[DECISION] / THIRDS

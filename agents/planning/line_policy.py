@@ -8,7 +8,8 @@ play, and gives way to the way out of a jam: no network here counts how long it 
 from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
-from race_agents.planning.tactics import FINISHED, LIGHTS, get_free
+from race_agents.planning.tactics import FINISHED, LIGHTS, WRONG_WAY, escape
+from race_agents.planning.traffic import wait_in_line
 from race_server.core.kernel_driver import Cockpits, cockpit_at
 from race_server.core.kernels.jit import kernel
 
@@ -32,6 +33,9 @@ def remember_for_all(cockpits: Cockpits) -> None:
         now = observation[offsets[STEERING]]
         steering = take_up_play(cockpit.memory, control[0] * limit, now) / limit
         control[0] = min(max(steering, -1.0), 1.0)
-        if observation[offsets[LIGHTS]] <= 0.0 and observation[offsets[FINISHED]] <= 0.0:
-            get_free(cockpit)
+        must_stand = observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0
+        # A network that is turned round may turn back by itself.
+        if not must_stand and observation[offsets[WRONG_WAY]] <= 0.0:
+            wait_in_line(cockpit)
+            escape(cockpit)
         remember_command(cockpit.memory, control)

@@ -49,18 +49,12 @@ def finish_decision(cockpit: Cockpit) -> None:
     buttons = codes.USE_ITEM if pressed else 0
     if observation[offsets[RESCUE_OFFERED]] > 0.0:
         buttons |= codes.ACCEPT_RESCUE
-    get_free(cockpit)
-    control[3] = buttons
-
-
-@kernel
-def get_free(cockpit: Cockpit) -> None:
-    """Replace the pedals and the steering by the way out where a kart is stuck, or turned round."""
-    if cockpit.observation[cockpit.offsets[WRONG_WAY]] > 0.0:
+    if observation[offsets[WRONG_WAY]] > 0.0:
         # Turned round in a crowd: to stand still is the way to be put back on the line.
-        _stand(cockpit.control)
+        _stand(control)
     else:
-        _escape(cockpit)
+        escape(cockpit)
+    control[3] = buttons
 
 
 @kernel
@@ -111,7 +105,7 @@ def _is_followed(cockpit: Cockpit, near: float) -> bool:
 
 
 @kernel
-def _escape(cockpit: Cockpit) -> None:
+def escape(cockpit: Cockpit) -> None:
     """Back out of a jam with the wheels turned the other way; longer each time it did not help."""
     observation, offsets = cockpit.observation, cockpit.offsets
     setup, memory, control = cockpit.setup, cockpit.memory, cockpit.control

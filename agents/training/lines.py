@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -9,6 +10,7 @@ from dataclasses import replace
 from multiprocessing import get_context
 
 from race_server.core.vehicles import Vehicle
+from race_server.envs.racing.discipline import Racing
 from race_server.envs.task import Task
 from race_server.errors import RaceError
 from race_server.scenario.race import Scenario
@@ -25,9 +27,9 @@ Job = tuple[Course, Vehicle, float | None]  # and the margin [m]
 
 
 def find_lines_shown(tasks: Iterable[Task], workers: int, say: Say) -> None:
-    """Compute the lines that tasks show; without it their worlds do, one by one and silently."""
-    scenarios = [one for task in tasks if task.wants_line for one in task.scenarios]
-    find_lines(scenarios, None, workers, say)
+    """Compute the lines that races show; without it their worlds do, one by one and silently."""
+    races = [one for one in tasks if isinstance(one.discipline, Racing) and one.wants_line]
+    find_lines([scenario for race in races for scenario in race.scenarios], None, workers, say)
 
 
 def find_lines(
@@ -37,8 +39,9 @@ def find_lines(
 
     Lines are kept in the user's cache. If no line fits with the margin, that of a race is used.
     """
-    # Fields of several sizes race on one course.
-    jobs = dict.fromkeys((one.course, one.vehicle_of(0), margin) for one in scenarios)
+    jobs = [(one.course, one.vehicle_of(0), margin) for one in scenarios]
+    # Fields of several sizes race on one course, which is another object where it is reversed.
+    jobs = list({(job[0].name, job[0].digest, job[1]): job for job in jobs}.values())
     unknown = [job for job in jobs if known_limit(job[0], bounds_of(job[1], margin=margin)) is None]
     if unknown:
         say(f"reference lines: {len(unknown)} to compute, 1 to 20 s each")
@@ -62,9 +65,18 @@ def _found(jobs: Sequence[Job], workers: int) -> Iterator[None]:
         yield from itertools.starmap(find_line, jobs)
         return
     # A spawned process shares no threads with PyTorch; a forked one would.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
-            yield future.result()
+    spawn = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin_worker) as pool:
+        try:
+            for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin_worker() -> None:
+    """End this process silently on Ctrl-C: its parent reports it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def find_line(course: Course, vehicle: Vehicle, margin: float | None) -> None:

@@ -24,6 +24,7 @@ from race_server.envs.global_state import own_states
 from race_server.envs.rewards import weights_of
 from race_server.envs.sb3 import KartVecEnv
 from race_server.envs.spaces import action_space, masks_for, observation_space
+from race_server.envs.task import Task
 
 Array = NDArray[Any]
 
@@ -66,6 +67,18 @@ class Turns:
         self._present.remove(number)
 
 
+def shared_task(settings: Settings) -> Task:
+    """Return the task of races in which several policies learn: it shows what any of them sees.
+
+    Raises:
+        RaceError: the settings are not valid.
+    """
+    rays = settings.lidar.rays
+    views = [layout_of(one.observation or settings.observation, rays) for one in settings.policies]
+    parts = tuple(dict.fromkeys(name for view in views for name in view.slices))
+    return training_task(settings.model_copy(update={"observation": parts}))
+
+
 class SharedRaces:
     """The batch in which several policies learn, and whose turn it is."""
 
@@ -75,14 +88,8 @@ class SharedRaces:
         Raises:
             RaceError: the settings are not valid.
         """
-        rays = settings.lidar.rays
-        views = [
-            layout_of(one.observation or settings.observation, rays) for one in settings.policies
-        ]
-        parts = tuple(dict.fromkeys(name for view in views for name in view.slices))
-        task = training_task(settings.model_copy(update={"observation": parts}))
         self.batch = Batch(
-            task,
+            shared_task(settings),
             worlds=settings.worlds,
             seed=settings.seed if seed is None else seed,
             after=REENTER,

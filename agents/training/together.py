@@ -11,9 +11,8 @@ from race_agents.training.checkpoint import elapsed_in
 from race_agents.training.lines import Say, find_lines_shown
 from race_agents.training.resumption import is_complete
 from race_agents.training.run import TrainingResult, train
-from race_agents.training.seats import OtherEnded, Seats, SharedRaces
+from race_agents.training.seats import OtherEnded, Seats, SharedRaces, shared_task
 from race_agents.training.settings import Settings
-from race_agents.training.tasks import training_task
 from race_server.core.seeds import resumed_seed
 
 COMPLETE = "it has learned for all its time and is evaluated, so its karts roll"
@@ -123,7 +122,7 @@ def train_together(
         RaceError: the settings are not valid, or there is nothing to resume.
     """
     options = {"resume": resume, "tensorboard": tensorboard}
-    find_lines_shown([training_task(settings)], settings.threads, say)
+    find_lines_shown([shared_task(settings)], settings.threads, say)
     company = Company(settings, place, options, tell, say)
     if not resume:
         folder.begin(place, settings)

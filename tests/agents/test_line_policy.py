@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from race_agents.planning.line_policy import remember_for_all
+from race_agents.planning.traffic import NOWHERE
 from race_server.core.driver import Briefing
 from race_server.core.kernel_driver import Cockpits, cockpit_for
-from race_server.core.observation import PART_NUMBERS, layout_of
+from race_server.core.observation import AHEAD, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
@@ -15,10 +16,17 @@ DECISION_S = 0.05
 
 
 def commands(answer: list[float], decisions: int, **seen: float) -> Floats:
-    """Return what a kart is told after each decision, shape (decisions, 4)."""
-    cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout_of("line", 0))
+    """Return what a kart is told after each decision on a straight line, shape (decisions, 4).
+
+    seen: first numbers of parts of its observation.
+    """
+    layout = layout_of("line", 0)
+    cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout)
+    cockpit.observation[layout.slices["line_step"]] = 0.2
+    cockpit.observation[layout.slices["line_ahead_x"]] = 0.2 * np.arange(AHEAD)
+    cockpit.observation[layout.slices["karts_x"]] = NOWHERE
     for name, value in seen.items():
-        cockpit.observation[cockpit.offsets[PART_NUMBERS[name]]] = value
+        cockpit.observation[layout.slices[name].start] = value
     cockpits = Cockpits(
         np.zeros((1, 2), np.int64),
         cockpit.observation[None, None],
@@ -60,6 +68,13 @@ def test_a_kart_that_drives_does_what_the_network_says() -> None:
     assert told[-1, 0] == pytest.approx(0.5)
 
 
-def test_a_kart_that_is_turned_round_stands_until_it_is_put_back() -> None:
-    told = commands([0.5, 1.0, 0.0, 0.0], 3, speed=2.0, wrong_way=1.0)
-    assert (told[:, :3] == [0.0, 0.0, 1.0]).all()
+def test_a_network_that_is_turned_round_may_turn_back_as_it_knows() -> None:
+    told = commands([-1.0, 1.0, 0.0, 0.0], 100, wrong_way=1.0)
+    assert (told[:, 1] == 1.0).all()
+
+
+def test_behind_a_kart_that_stands_it_waits_for_2_8_s() -> None:
+    # Of each 0.05 s behind it four fifths do not count.
+    told = commands([0.0, 1.0, 0.0, 0.0], 80, karts_x=TT02.length + 0.1)
+    assert (told[:56, 1] == 1.0).all()
+    assert told[57, 1] == -1.0
