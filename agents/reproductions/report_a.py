@@ -55,6 +55,8 @@ CURIOSITY = ("curiosity.bonus=0.02",)
 GAIL = ("gail.scale=0.01", "gail.own_share=1.0")
 CLONING = ("cloning.strength=0.5", "cloning.steps=150000")
 
+STEPS = 4_000_000  # to which the learning rates of the preset belong
+
 THEIR_HEADS = ("parked, %", "aligned, % of all", "aligned, % of parked", "remark")
 PARKED = Column("parked", "parked, %", 1, of="starts")
 
@@ -91,6 +93,9 @@ ASSUMPTIONS = (
     "Processor time to 90 %: of this training, until the share of the last 100 episodes that "
     "parked, with exploration, first came to 90 % of its mean over the last tenth of the training. "
     "The report counts hours of a wall clock with stretches of a flat curve taken out.",
-    "Steps of Stable-Baselines3's PPO: its learning rate falls evenly to zero at the end of the "
-    "training, the report's at 200 million steps.",
+    "PPO steps as that of Stable-Baselines3 does.",
+)
+RATE = (
+    "The learning rate falls by 2 % to the end, as the report's does in its first 4 million steps; "
+    "that comes to zero at 200 million."
 )

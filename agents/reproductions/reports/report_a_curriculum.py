@@ -7,9 +7,11 @@ from race_agents.reproductions.report_a import (
     CURIOSITY,
     GAIL,
     PARKED,
+    RATE,
     SCENARIO_2,
     SIX_STAGES,
     SOURCE,
+    STEPS,
     columns,
     stages,
 )
@@ -21,12 +23,11 @@ REPRODUCTION = Reproduction(
     source=f"{SOURCE}: time until it converged, of one run each",
     preset="report-a",
     rows=(
-        Variant("scenario 1, at once", theirs=("98.0", "1 h", ""), steps_share=0.5),
+        Variant("scenario 1, at once", theirs=("98.0", "1 h", "")),
         Variant(
             "scenario 1, stages",
             (ZONE_STAGES,),
             theirs=("–", "–", "converges earlier"),
-            steps_share=0.5,
         ),
         Variant("scenario 2, at once", SCENARIO_2, theirs=("–", "never", "does not learn")),
         Variant(
@@ -50,13 +51,14 @@ REPRODUCTION = Reproduction(
         ),
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=12_000_000, seeds=3, starts=1000, demonstrated=10_000),
+    full=TrainingScale(steps=STEPS, seeds=3, starts=1000, demonstrated=10_000),
     quick=TrainingScale(steps=24_576, seeds=1, starts=100, demonstrated=600),
     their_heads=("parked, %", "learning time", "remark"),
     columns=columns("late", "left", "wall", "block", "person"),
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
+        RATE,
         "Its stages were made by hand and are not printed. Ours begin near the slot: of the zone "
         "at most 6, 12, 20 m away and then anywhere, of the yard at most 8, 16, 28, 42, 56 m. The "
         "next one begins once 80 % of the last 200 episodes park, and all within half of the "

@@ -8,8 +8,10 @@ from race_agents.reproductions.report_a import (
     GAIL,
     KARTS,
     PARKED,
+    RATE,
     SIX_STAGES,
     SOURCE,
+    STEPS,
     THEIR_HEADS,
     columns,
 )
@@ -44,13 +46,14 @@ REPRODUCTION = Reproduction(
         ),
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=12_000_000, seeds=3, starts=1000, demonstrated=10_000),
+    full=TrainingScale(steps=STEPS, seeds=3, starts=1000, demonstrated=10_000),
     quick=TrainingScale(steps=24_576, seeds=1, starts=100, demonstrated=600),
     their_heads=THEIR_HEADS,
     columns=columns("late", "wall", "block", "vehicle", "person"),
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
+        RATE,
         "Its third row is POCA with three aids and no stages. With one kart that learns it is PPO "
         "with another critic: the baseline that leaves its action out knows what the critic knows.",
         "The two other karts drive the policy `parking-2` of this program, which learned alone in "

@@ -38,7 +38,7 @@ REPRODUCTION = Reproduction(
     title="Aids to learning to park: agents, penalties, normalisation, network, buffer, algorithm",
     source=f"{SOURCE}, figures 30 to 34: curves without numbers, one slot 5 m ahead",
     preset="report-a",
-    changes=('parking.lots=["face-to-face"]',),
+    changes=('parking.lots=["face-to-face"]', "algorithm.last_learning_rate=0.0"),
     base="final",
     rows=(
         Variant("final", theirs=("about 5 times as fast as the defaults",)),
@@ -77,6 +77,8 @@ REPRODUCTION = Reproduction(
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
+        "The learning rate falls evenly to zero at the end of the training, the report's at 200 "
+        "million steps.",
         "The reward is that of scenario 1, its second configuration.",
         "Parked while learning is the mean over the whole training of the share of the last "
         "hundred episodes that parked: higher the earlier it is learned.",

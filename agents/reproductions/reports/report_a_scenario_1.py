@@ -4,7 +4,9 @@ from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingSc
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
     PARKED,
+    RATE,
     SOURCE,
+    STEPS,
     THEIR_HEADS,
     WALL,
     columns,
@@ -49,13 +51,14 @@ REPRODUCTION = Reproduction(
         ),
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=12_000_000, seeds=3, starts=1000),
+    full=TrainingScale(steps=STEPS, seeds=3, starts=1000),
     quick=TrainingScale(steps=49_152, seeds=1, starts=100),
     their_heads=THEIR_HEADS,
     columns=columns("late", "left", "wall"),
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
+        RATE,
         "Its interval of 95 % is Wilson's, reckoned here from its counts.",
         "Slots have any heading here. Where its slots all lay one way, a network need not see it.",
         "Per step it takes 0.001 for reversing and for wheels turned by more than 15°: 0.6 of a "

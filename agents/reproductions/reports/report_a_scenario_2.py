@@ -4,8 +4,10 @@ from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingSc
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
     PARKED,
+    RATE,
     SCENARIO_2,
     SOURCE,
+    STEPS,
     THEIR_HEADS,
     WALL,
     columns,
@@ -46,13 +48,14 @@ REPRODUCTION = Reproduction(
         _asked("unit vectors", "show no speed and no distance", "observation=report_a_unit"),
     ),
     exam=ParkingExam(),
-    full=TrainingScale(steps=12_000_000, seeds=3, starts=1000),
+    full=TrainingScale(steps=STEPS, seeds=3, starts=1000),
     quick=TrainingScale(steps=24_576, seeds=1, starts=100),
     their_heads=THEIR_HEADS,
     columns=columns("late", "wall", "block", "person"),
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
+        RATE,
         "The penalty of the distance is of metres divided by the 70 m of the yard, so that it sums "
         "to 1 in a minute at most; in metres it may sum to 66.",
         "The report takes that penalty away once the mean return no longer rises, to see it go to "
