@@ -21,12 +21,10 @@ from race_server.core.driver import Briefing, driver_named
 from race_server.core.kernel_driver import (
     ACTED,
     ASIDE,
-    DECISION,
     FETCH,
     Cockpits,
     KernelDriver,
     cockpit_at,
-    elapsed_s,
     item_uses_of,
     memory_size,
 )
@@ -156,7 +154,8 @@ class Learned:
             self._prepare(observation.layout)
         seat = self._seats[observation.layout.preset]
         if seat is not self._seat:
-            seat.forget()
+            # What it remembers is of before.
+            seat.cockpits.memory[...] = 0.0
             self._seat = seat
         return seat.decide(observation)
 
@@ -234,29 +233,21 @@ class Seat:
         Raises:
             DriverError: the kart has another lidar than the policy learned with.
         """
-        offsets, self._decision_s = offsets_of(layout), driver.policy.metadata.decision_s
-        self._tick = -1  # of the last decision
+        offsets, decision_s = offsets_of(layout), driver.policy.metadata.decision_s
         self.cockpits = Cockpits(
             np.zeros((1, 2), np.int64),
             np.zeros((1, 1, layout.size)),
             offsets,
             vehicle_record(told.vehicle).reshape(1, 1),
-            np.array([told.lidar_field, told.lidar_reach, self._decision_s]),
+            np.array([told.lidar_field, told.lidar_reach, decision_s]),
             item_uses_of(told.items),
             np.zeros((1, 1, memory_size(int(offsets[-1])))),
             np.zeros((1, 1, 4)),
         )
         self._drive = driver.driving(self.cockpits, layout)
 
-    def forget(self) -> None:
-        """Forget what is of before: another seat decided since."""
-        self.cockpits.memory[...] = 0.0
-        self._tick = -1
-
     def decide(self, observation: Observation) -> Control:
         """Return what to do until the next decision."""
-        last, self._tick = self._tick, observation.tick
-        self.cockpits.setup[DECISION] = elapsed_s(last, observation.tick, self._decision_s)
         self.cockpits.observations[0, 0] = observation.values
         self._drive()
         steering, throttle, brake, buttons = self.cockpits.controls[0, 0].tolist()

@@ -10,7 +10,7 @@ from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, WRONG_WAY, escape
 from race_agents.planning.traffic import wait_in_line
-from race_server.core.kernel_driver import Cockpits, cockpit_at
+from race_server.core.kernel_driver import REVERSING, STANDING, Cockpits, cockpit_at
 from race_server.core.kernels.jit import kernel
 
 
@@ -34,8 +34,10 @@ def remember_for_all(cockpits: Cockpits) -> None:
         steering = take_up_play(cockpit.memory, control[0] * limit, now) / limit
         control[0] = min(max(steering, -1.0), 1.0)
         must_stand = observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0
-        # A network that is turned round may turn back by itself.
-        if not must_stand and observation[offsets[WRONG_WAY]] <= 0.0:
+        if must_stand or observation[offsets[WRONG_WAY]] > 0.0:
+            # A network that is turned round may turn back by itself.
+            cockpit.memory[STANDING] = cockpit.memory[REVERSING] = 0.0
+        else:
             wait_in_line(cockpit)
             escape(cockpit)
         remember_command(cockpit.memory, control)

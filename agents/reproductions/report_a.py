@@ -93,9 +93,9 @@ ASSUMPTIONS = (
     "Processor time to 90 %: of this training, until the share of the last 100 episodes that "
     "parked, with exploration, first came to 90 % of its mean over the last tenth of the training. "
     "The report counts hours of a wall clock with stretches of a flat curve taken out.",
-    "PPO steps as that of Stable-Baselines3 does.",
+    "Each update is that of Stable-Baselines3's PPO.",
 )
 RATE = (
-    "The learning rate falls by 2 % to the end, as the report's does in its first 4 million steps; "
-    "that comes to zero at 200 million."
+    "The learning rate falls by 2 % to the end. The report's falls evenly to zero at 200 million "
+    "steps, so by 2 % in the first 4 million."
 )

@@ -119,16 +119,6 @@ def cockpit_for(briefing: Briefing, layout: Layout) -> Cockpit:
     return Cockpit(**(lists | {"vehicle": briefing.vehicle}))
 
 
-def elapsed_s(last: int, tick: int, regular: float) -> float:
-    """Return the time between two decisions [s]; a bad network makes it longer than `regular` [s].
-
-    What a driver counts, such as the time that it stands, would otherwise go too slowly. last: tick
-    of the one before, negative if there is none.
-    """
-    elapsed = (tick - last) * TICK_S
-    return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
-
-
 class KernelDriver:
     """A driver that decides in a kernel.
 
@@ -168,9 +158,14 @@ class KernelDriver:
             cockpit.memory[place] = value
 
     def _elapsed_s(self, tick: int) -> float:
-        """Return the time since the last decision [s]."""
+        """Return the time since the last decision [s]; a bad network makes it a long one.
+
+        What a driver counts, such as the time that it stands, would otherwise go too slowly.
+        """
         last, self._tick = self._tick, tick
-        return elapsed_s(last, tick, self._briefing.decision_s)
+        regular = self._briefing.decision_s
+        elapsed = (tick - last) * TICK_S
+        return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
     def prepare(self, layout: Layout) -> Cockpit:
         """Compile what decides, if it is not; the first decision does so by itself."""
