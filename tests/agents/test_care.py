@@ -9,13 +9,14 @@ from race_agents.drivers.learned import Learned
 from race_agents.drivers.mapper import Mapper
 from race_agents.planning.care import take_care
 from race_server.core.driver import Briefing
-from race_server.core.kernel_driver import Cockpit, Cockpits, memory_size
+from race_server.core.kernel_driver import Cockpit, memory_size
 from race_server.core.observation import layout_of, offsets_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
+from support.cockpits import alone
 from support.races import run_race
 
 # TT02 is 0.45 m long and 0.19 m wide: a stretch of the course is 1.8 m, and too near is 9.5 mm.
@@ -101,16 +102,7 @@ def test_a_policy_that_sees_the_line_is_slower_there_as_well() -> None:
     layout = layout_of(driver.preset, 0)
     lap = Lap(driver.preset)
     cockpit = lap.cockpit
-    cockpits = Cockpits(
-        np.zeros((1, 2), np.int64),
-        cockpit.observation[None, None],
-        cockpit.offsets,
-        vehicle_record(TT02).reshape(1, 1),
-        cockpit.setup,
-        cockpit.item_uses,
-        cockpit.memory[None, None],
-        cockpit.control[None, None],
-    )
+    cockpits = alone(cockpit)
     drive = driver.driving(cockpits, layout)
     for progress, room in ((50.0, AT_THE_WALL), (48.0, CLEAR)):
         lap.show(progress, room)

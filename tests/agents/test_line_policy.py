@@ -6,11 +6,11 @@ import pytest
 from race_agents.planning.line_policy import remember_for_all
 from race_agents.planning.traffic import NOWHERE
 from race_server.core.driver import Briefing
-from race_server.core.kernel_driver import Cockpits, cockpit_for
+from race_server.core.kernel_driver import cockpit_for
 from race_server.core.observation import AHEAD, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import TT02
-from race_server.core.vehicles import vehicle_record
+from support.cockpits import alone
 
 DECISION_S = 0.05
 
@@ -27,16 +27,7 @@ def commands(answer: list[float], decisions: int, **seen: float) -> Floats:
     cockpit.observation[layout.slices["karts_x"]] = NOWHERE
     for name, value in seen.items():
         cockpit.observation[layout.slices[name].start] = value
-    cockpits = Cockpits(
-        np.zeros((1, 2), np.int64),
-        cockpit.observation[None, None],
-        cockpit.offsets,
-        vehicle_record(TT02).reshape(1, 1),
-        cockpit.setup,
-        cockpit.item_uses,
-        cockpit.memory[None, None],
-        cockpit.control[None, None],
-    )
+    cockpits = alone(cockpit)
     told = np.zeros((decisions, 4))
     for row in told:
         cockpit.control[:] = answer
