@@ -1,11 +1,8 @@
 """Run a reproduction: its trainings, table and plot."""
 
 import json
-import multiprocessing
-import signal
-import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,6 +20,7 @@ from race_agents.reproductions.training import (
     write_outcome,
 )
 from race_agents.training.folder import versions
+from race_agents.training.worker_pool import worker_pool
 from race_server.errors import ScenarioError
 from race_server.kept_file import write_together
 
@@ -129,9 +127,7 @@ def _driven(
             on_share(0.0)
             yield training, run_training(training, on_share)
         return
-    # PyTorch's threads do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_worker) as pool:
+    with worker_pool(jobs) as pool:
         waiting = {pool.submit(run_training, training): training for training in trainings}
         try:
             for future in as_completed(waiting):
@@ -141,14 +137,6 @@ def _driven(
                 "the process of a training died; the same command continues, fewer --jobs need "
                 "less memory"
             ) from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _begin_worker() -> None:
-    """End this process silently on Ctrl-C: its parent reports it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    warnings.filterwarnings("ignore", module="stable_baselines3")
 
 
 def _telling(tell: Tell, known: int, trainings: int) -> Callable[[int, Training, float], None]:

@@ -2,13 +2,12 @@
 
 import contextlib
 import itertools
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import replace
-from multiprocessing import get_context
 
+from race_agents.training.worker_pool import worker_pool
 from race_server.core.vehicles import Vehicle
 from race_server.envs.racing.discipline import Racing
 from race_server.envs.task import Task
@@ -64,19 +63,9 @@ def _found(jobs: Sequence[Job], workers: int) -> Iterator[None]:
     if workers == 1:
         yield from itertools.starmap(find_line, jobs)
         return
-    # A spawned process shares no threads with PyTorch; a forked one would.
-    spawn = get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin_worker) as pool:
-        try:
-            for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _begin_worker() -> None:
-    """End this process silently on Ctrl-C: its parent reports it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    with worker_pool(workers) as pool:
+        for future in as_completed([pool.submit(find_line, *job) for job in jobs]):
+            yield future.result()
 
 
 def find_line(course: Course, vehicle: Vehicle, margin: float | None) -> None:

@@ -101,9 +101,7 @@ def test_a_policy_that_sees_the_line_is_slower_there_as_well() -> None:
     driver = Learned("full")
     layout = layout_of(driver.preset, 0)
     lap = Lap(driver.preset)
-    cockpit = lap.cockpit
-    cockpits = alone(cockpit)
-    drive = driver.driving(cockpits, layout)
+    drive = driver.driving(alone(lap.cockpit), layout)
     for progress, room in ((50.0, AT_THE_WALL), (48.0, CLEAR)):
         lap.show(progress, room)
         drive()
