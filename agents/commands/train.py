@@ -297,7 +297,7 @@ def _words_of(news: "TrainingProgress") -> str:
 
 
 def _ratings_in_words(news: "TrainingProgress") -> str:
-    return ", ".join(f"{one.driver} {one.mu:.1f} ± {2.0 * one.sigma:.1f}" for one in news.ratings)
+    return ", ".join(f"{one.driver} {one.mu:.0f} ± {one.high - one.mu:.0f}" for one in news.ratings)
 
 
 def _show(

@@ -39,7 +39,6 @@ class SelfPlay:
         """Start, or resume after `done` decisions.
 
         Raises:
-            ResultsError: openskill is not installed.
             DriverError: a seat or an anchor names no driver.
         """
         for name in sorted({*settings.self_play.seats, *settings.self_play.anchors}):
@@ -50,7 +49,6 @@ class SelfPlay:
         self.races, self.ratings = _read(folder / RATINGS)
         self._file = folder / RATINGS
         self._world = world
-        ratings([])
         played = settings.self_play
         self._stretch = -1
         self._snapshot = done // played.snapshot

@@ -133,7 +133,7 @@ def export_laps(
 
 @app.command()
 def ratings(results: Results = "", as_json: AsJson = False) -> None:
-    """Rate the drivers over all finished races (Plackett-Luce)."""
+    """Rate the drivers over all finished races (Plackett-Luce, with bounds of 95 %)."""
     from race_server.storage.results.queries import finished_races
     from race_server.storage.results.ratings import ratings as rate
 
@@ -141,8 +141,8 @@ def ratings(results: Results = "", as_json: AsJson = False) -> None:
     if as_json:
         print_document([asdict(row) for row in rows])
         return
-    table = _table(("driver",), ("mu", "sigma", "ordinal", "races"))
+    table = _table(("driver",), ("rating", "from", "to", "races"))
     for row in rows:
-        figures = (f"{row.mu:.2f}", f"{row.sigma:.2f}", f"{row.ordinal:.2f}", str(row.races))
+        figures = (f"{row.mu:.0f}", f"{row.low:.0f}", f"{row.high:.0f}", str(row.races))
         table.add_row(row.driver, *figures)
     Console().print_whole(table)

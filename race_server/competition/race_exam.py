@@ -10,7 +10,9 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
+from statistics import fmean
 from types import MappingProxyType
 from typing import Any
 
@@ -79,6 +81,8 @@ class RaceRow:
     mean_place: float
     place_error: float  # standard error of it
     wins: int
+    courses: int
+    ahead_on: int  # of them: where its mean place is better than that of the row below
     rating: float
     rating_interval: tuple[float, float]
     wall_contacts: int
@@ -188,15 +192,13 @@ def lost_race(task: RaceTask, _begun_at: str, why: str) -> RaceOutcome:
 
 
 def race_rows(outcomes: Sequence[RaceOutcome]) -> list[RaceRow]:
-    """Return a row for each driver, the best rating first.
-
-    Raises:
-        ResultsError: openskill is not installed.
-    """
+    """Return a row for each driver, the best rating first."""
     driven = [outcome for outcome in outcomes if outcome.karts]
     documents = [{"karts": [asdict(kart) for kart in outcome.karts]} for outcome in driven]
+    found = rated(documents)
+    places = [_mean_places(driven, rating["driver"]) for rating in found]
     rows = []
-    for rating in rated(documents):
+    for rating, (mine, below) in zip(found, pairwise([*places, {}]), strict=True):
         own = [
             (outcome.task, kart)
             for outcome in driven
@@ -214,6 +216,8 @@ def race_rows(outcomes: Sequence[RaceOutcome]) -> list[RaceRow]:
                 mean_place=rating["mean_place"],
                 place_error=rating["place_error"],
                 wins=rating["wins"],
+                courses=len(mine),
+                ahead_on=sum(mine[one] < below.get(one, -math.inf) for one in mine),
                 rating=rating["mu"],
                 rating_interval=(rating["low"], rating["high"]),
                 wall_contacts=sum(kart.wall_contacts for kart in karts),
@@ -228,6 +232,16 @@ def race_rows(outcomes: Sequence[RaceOutcome]) -> list[RaceRow]:
             )
         )
     return rows
+
+
+def _mean_places(driven: Sequence[RaceOutcome], driver: str) -> dict[str, float]:
+    """Return the driver's mean place on each course."""
+    ranks: dict[str, list[int]] = {}
+    for outcome in driven:
+        for kart in outcome.karts:
+            if kart.driver == driver:
+                ranks.setdefault(outcome.task.course, []).append(kart.rank)
+    return {course: fmean(found) for course, found in ranks.items()}
 
 
 def _karts_of(

@@ -7,6 +7,7 @@ from race_server.competition.race_exam import RaceRow
 from race_server.pictures import save_and_close
 
 _INK, _BLUE = "#20242a", "#1565c0"
+_DOT = 3.0  # [pt]; smaller than the bounds about it
 _WIDTH, _HEIGHT = 10.0, 0.55  # [in]; of a driver
 
 
@@ -26,11 +27,11 @@ def draw_ratings(rows: Sequence[RaceRow], path: Path) -> None:
     ratings, places, finishes = panels
     for height, row in enumerate(rows):
         ratings.plot(row.rating_interval, (height, height), color=_INK, linewidth=1.2)
-        ratings.plot(row.rating, height, "o", color=_BLUE)
+        ratings.plot(row.rating, height, "o", color=_BLUE, markersize=_DOT)
         spread = 1.96 * row.place_error
         ends = (row.mean_place - spread, row.mean_place + spread)
         places.plot(ends, (height, height), color=_INK, linewidth=1.2)
-        places.plot(row.mean_place, height, "o", color=_BLUE)
+        places.plot(row.mean_place, height, "o", color=_BLUE, markersize=_DOT)
         share, (low, high) = 100.0 * row.finish_rate, row.finish_interval
         finishes.barh(height, share, height=0.6, color=_BLUE, alpha=0.35)
         finishes.plot((100.0 * low, 100.0 * high), (height, height), color=_INK, linewidth=1.2)

@@ -12,9 +12,6 @@ from rich.table import Table
 from race_server.competition.launch import RaceSpec
 from race_server.storage.results.ratings import ratings
 
-# Half-width of the 95 % interval of a rating, in standard deviations.
-INTERVAL = 1.96
-
 Document = dict[str, Any]
 
 
@@ -49,9 +46,7 @@ def run_series(
 
     Raises:
         RaceError: a race ends without a result.
-        ResultsError: openskill is not installed.
     """
-    ratings([])  # fails before the first race if it is not installed
     documents: list[Document] = []
     stopped = False
     for number, one in enumerate(plans_of(plan, races, seed)):
@@ -72,12 +67,9 @@ def rated(documents: list[Document]) -> list[Document]:
     for rating in ratings(orders):
         own = [k for one in documents for k in one["karts"] if k["driver"] == rating.driver]
         places = [fmean(ranks) for one in orders if (ranks := _ranks(one, rating.driver))]
-        spread = INTERVAL * rating.sigma
         rows.append(
             {
                 **asdict(rating),
-                "low": rating.mu - spread,
-                "high": rating.mu + spread,
                 "mean_place": fmean(places),
                 "place_error": stdev(places) / math.sqrt(len(places)) if len(places) > 1 else 0.0,
                 "wins": sum(kart["rank"] == 1 for kart in own),
@@ -98,7 +90,7 @@ def rating_table(rows: list[Document], races: int) -> Table:
     for column in ("rating", "from", "to", "mean place", "wins", "starts"):
         table.add_column(column, justify="right")
     for row in rows:
-        figures = (f"{row[name]:.2f}" for name in ("mu", "low", "high"))
+        figures = (f"{row[name]:.0f}" for name in ("mu", "low", "high"))
         place = f"{row['mean_place']:.2f} ± {row['place_error']:.2f}"
         table.add_row(row["driver"], *figures, place, str(row["wins"]), str(row["starts"]))
     return table

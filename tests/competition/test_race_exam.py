@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from race_server.competition.race_exam import (
     tasks_of,
 )
 from race_server.competition.race_picture import draw_ratings
-from race_server.errors import ResultsError, ScenarioError
+from race_server.errors import ScenarioError
 
 TWO = ("raceline", "idm")
 SHORT = RaceTask("oval", TWO, seed=7, laps=1)
@@ -68,6 +69,17 @@ def test_a_driver_that_won_two_of_three_races_and_retired_once() -> None:
     assert row.retired == {"oval seed 7": "stood still"}
     assert row.rating_interval[0] < row.rating < row.rating_interval[1]
     assert not rows["raceline"].retired
+
+
+def test_a_row_counts_the_courses_on_which_its_driver_is_ahead_of_the_next() -> None:
+    def race(course: str, first: str, second: str) -> RaceOutcome:
+        return RaceOutcome(replace(SHORT, course=course), (kart(first, 1), kart(second, 2)))
+
+    outcomes = [race(course, *TWO) for course in ("a", "a", "b", "b", "c")]
+    outcomes += [race("b", *TWO[::-1]), race("c", *TWO[::-1])]
+    first, second = race_rows(outcomes)
+    assert (first.driver, first.ahead_on, first.courses) == ("raceline", 2, 3)
+    assert (second.driver, second.ahead_on, second.courses) == ("idm", 0, 3)
 
 
 def test_a_race_is_driven_to_its_end_and_the_same_again() -> None:
@@ -141,17 +153,3 @@ def test_the_command_prints_a_document(tmp_path: Path, monkeypatch: pytest.Monke
     assert {row["starts"] for row in document["rows"]} == {2}
     assert [race["task"]["seed"] for race in document["races"]] == [5, 6]
     assert not document["stopped"]
-
-
-def test_nothing_is_driven_where_what_rates_drivers_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def missing(_: Any) -> list[Any]:
-        raise ResultsError("ratings need openskill")
-
-    driven: list[RaceTask] = []
-    monkeypatch.setattr("race_server.competition.series.ratings", missing)
-    monkeypatch.setattr(race_exam, "hold_races", lambda tasks, *_: driven.extend(tasks))
-    words = ["races", "--drivers", "raceline,idm", "--courses", "1", "--json"]
-    assert isinstance(CliRunner().invoke(app, words).exception, ResultsError)
-    assert not driven
