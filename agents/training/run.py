@@ -83,7 +83,7 @@ def train(
         RaceError: the settings are not valid, or there is nothing to resume.
     """
     budget = Budget.of(settings)
-    tasks = _tasks_here(settings, learns=karts is None and crew is None)
+    tasks = tasks_here(settings, learns=karts is None and crew is None)
     warn_of_lidar(settings, say)
     find_lines_shown(tasks, settings.threads, say)
     logs = str(place / "tensorboard") if tensorboard else None
@@ -124,7 +124,7 @@ def train(
     return TrainingResult(place, marks, document, stopped)
 
 
-def _tasks_here(settings: Settings, *, learns: bool) -> list[Task]:
+def tasks_here(settings: Settings, *, learns: bool) -> list[Task]:
     """Return the tasks whose worlds are built here: evaluations, and what is learned if `learns`.
 
     Raises:

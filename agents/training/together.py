@@ -10,7 +10,7 @@ from race_agents.training.callback import LATEST, Tell, TrainingProgress
 from race_agents.training.checkpoint import elapsed_in
 from race_agents.training.lines import Say, find_lines_shown
 from race_agents.training.resumption import is_complete
-from race_agents.training.run import TrainingResult, train
+from race_agents.training.run import TrainingResult, tasks_here, train
 from race_agents.training.seats import OtherEnded, Seats, SharedRaces, shared_task
 from race_agents.training.settings import Settings
 from race_server.core.seeds import resumed_seed
@@ -122,7 +122,9 @@ def train_together(
         RaceError: the settings are not valid, or there is nothing to resume.
     """
     options = {"resume": resume, "tensorboard": tensorboard}
-    find_lines_shown([shared_task(settings)], settings.threads, say)
+    # All of them now: Ctrl-C reaches the processes that look for them from this thread only.
+    alone = [task for own in settings_of_each(settings) for task in tasks_here(own, learns=False)]
+    find_lines_shown([shared_task(settings), *alone], settings.threads, say)
     company = Company(settings, place, options, tell, say)
     if not resume:
         folder.begin(place, settings)

@@ -14,6 +14,7 @@ from race_agents.training.seats import Seats, SharedRaces
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.together import Company, train_together
+from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from support.trainings import QUICK, untrained
 
@@ -116,6 +117,23 @@ def test_a_policy_may_have_a_reward_of_its_own() -> None:
     )
     plain = OneStep("[{name = 'red', karts = 2}, {name = 'blue', karts = 2}]")
     assert own.rewards()[1] == pytest.approx(3.0 * plain.rewards()[1], rel=1e-6)
+
+
+def test_lines_of_evaluations_are_found_before_policies_learn_in_their_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def find(tasks: list[Task], *_: Any) -> None:
+        asked.extend(one.course.name for task in tasks for one in task.scenarios)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("race_agents.training.together.find_lines_shown", find)
+    two = "[{name = 'red', karts = 2}, {name = 'blue', karts = 2}]"
+    with pytest.raises(KeyboardInterrupt):
+        train_together(settings_of(two, "evaluation.final={names = ['oval']}"), tmp_path)
+    assert asked.count("oval") >= 2
+    assert not list(tmp_path.iterdir())
 
 
 def test_where_one_policy_cannot_learn_all_end_with_its_error(tmp_path: Path) -> None:
