@@ -80,5 +80,5 @@ def _with_margin(scenario: Scenario, margin: float) -> Scenario:
     limit = known_limit(course, bounds)
     if limit is None:
         return scenario
-    line = around(course, line_of(course, limit.minimum_time), bounds, vehicle)
+    line = around(course, line_of(course, limit.with_room), bounds, vehicle)
     return replace(scenario, line=line)

@@ -39,7 +39,10 @@ def limit(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute lap times along the fastest, the least curved, the centre and the shortest line."""
+    """Compute lap times along the fastest, the least curved, the centre and the shortest line.
+
+    Drivers follow the one `with room`: it keeps more of it to the borders the faster it is.
+    """
     from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.raceline.reference import NAMES, reference_limit
     from race_server.scenario.track.load import load_course

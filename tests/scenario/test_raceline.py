@@ -22,13 +22,13 @@ from race_server.scenario.raceline.frame import frame_of
 from race_server.scenario.raceline.profile import driving, grip_left, lap_time, speeds_on
 from race_server.scenario.raceline.program import ROUGH, Program
 from race_server.scenario.raceline.reference import Limit, Raceline, reference_limit
-from race_server.scenario.raceline.solution import Search, fastest_of, limit_of, solve
+from race_server.scenario.raceline.solution import Search, fastest_of, limit_of, solve, with_room
 from race_server.scenario.raceline.tyres import cornering_drag
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import load_course, read_course
 from race_server.scenario.track.polyline import nearest_on
 
-LINES = ("minimum_time", "minimum_curvature", "centre_line", "shortest")
+LINES = ("minimum_time", "with_room", "minimum_curvature", "centre_line", "shortest")
 
 # Minimum lap times [s] of an independent program at these speed caps [m/s].
 KNOWN = {
@@ -106,6 +106,40 @@ def test_the_limit_does_not_depend_on_where_the_centre_line_runs(tmp_path: Path)
     for course in (straight, winding):
         lap = reference_limit(course, TT02_FACTS).minimum_time
         assert lap.time_s == pytest.approx(2 * math.pi * math.sqrt(inner / 5.0), rel=5e-3)
+
+
+def test_a_lap_with_room_keeps_five_centimetres_more_at_ten_metres_a_second(
+    tmp_path: Path,
+) -> None:
+    limit = reference_limit(ring(tmp_path, 15.0), TT02_FACTS)
+    fastest, roomy = limit.minimum_time, limit.with_room
+    speed = float(fastest.speed.mean())
+    assert speed == pytest.approx(8.0, abs=0.6)
+    more = np.hypot(roomy.x, roomy.y).mean() - np.hypot(fastest.x, fastest.y).mean()
+    assert more == pytest.approx(0.05 * (speed / 10.0) ** 2, abs=2e-3)
+
+
+def test_a_lap_with_room_leaves_half_of_what_a_narrow_course_has(tmp_path: Path) -> None:
+    bounds = bounds_of(TT02_FACTS)
+    free = 0.02
+    found = fastest_of(ring(tmp_path, 15.0, bounds.reach + free), bounds)
+    lap = with_room(found, bounds).line
+    assert lap.offset == pytest.approx(np.full(len(lap.offset), 0.5 * free), abs=2e-3)
+
+
+@pytest.mark.parametrize("way", [0.0, 0.05, 0.1, 0.15])
+def test_the_tip_of_a_wall_between_two_stations_is_seen(tmp_path: Path, way: float) -> None:
+    """A post of 6 cm stands 0.1 m beside a centre line of 251 m, whose stations are 0.2 m apart."""
+    course, bounds = ring(tmp_path, 40.0), bounds_of(TT02_FACTS)
+    angles = np.array([-0.03, 0.03]) / 40.0 + 1.0 + way / 40.0
+    inner, outer = (r * np.column_stack([np.cos(angles), np.sin(angles)]) for r in (40.1, 40.6))
+    post = np.array([[*inner[0], *inner[1]], [*inner[0], *outer[0]], [*inner[1], *outer[1]]])
+    free = frame_of(course, bounds)
+    frame = frame_of(replace(course, borders=np.vstack([course.borders, post])), bounds)
+    assert free.step > 0.2
+    assert free.low == pytest.approx(np.full(len(free.low), bounds.reach - 0.6), abs=0.01)
+    assert frame.low.max() == pytest.approx(bounds.reach - 0.1, abs=0.01)
+    assert np.sum(frame.low > bounds.reach - 0.5) in {1, 2}
 
 
 def test_a_slow_vehicle_laps_a_ring_at_its_top_speed(tmp_path: Path) -> None:
@@ -191,9 +225,9 @@ def test_turned_wheels_have_less_grip_and_slipping_ones_turn_less() -> None:
 @pytest.mark.parametrize("name", LINES)
 def test_no_line_asks_for_more_grip_than_there_is(kart_limit: Limit, name: str) -> None:
     used = grip_used(getattr(kart_limit, name), bounds_of(KART_60))
-    # The optimal lap keeps to the grip at its stations; between them it takes the mean of both.
+    # Optimal laps keep to the grip at their stations; between them they take the mean of both.
     assert np.mean(used > 1.03) < 0.02
-    assert used.max() < (1.1 if name == "minimum_time" else 1.001)
+    assert used.max() < (1.1 if name in {"minimum_time", "with_room"} else 1.001)
 
 
 def test_no_line_leaves_the_track_or_steers_too_far(kart_limit: Limit) -> None:

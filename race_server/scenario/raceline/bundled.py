@@ -24,8 +24,8 @@ from race_server.scenario.raceline.solution import Solution, limit_of
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.load import own_tracks
 
-# Rows of a file: three for each line, and the speeds of the best.
-_ROWS = 10
+# Rows of a file: three for each line, and the speeds of the two of least time.
+_ROWS = 14
 # Rows of its frame, in order.
 _FRAME = ("progress", "x", "y", "heading", "curvature", "low", "high")
 
@@ -63,11 +63,12 @@ def read_bundled(course: Course, bounds: Bounds) -> Limit | None:
 
 def write_bundled(course: Course, bounds: Bounds, solution: Solution) -> Path:
     """Write a solution into the folder of the bundled limits."""
-    lines = (solution.best.line, solution.calm, solution.near)
+    best, driven = solution.best, solution.with_room
+    lines = (best.line, driven.line, solution.calm, solution.near)
     rows = [row for line in lines for row in (line.offset, line.bearing, line.curvature)]
     path = limits_folder() / bundled_name(course, bounds)
     path.parent.mkdir(exist_ok=True)
-    tables = {"rows": np.stack([*rows, solution.best.speed]).astype(np.float32)}
+    tables = {"rows": np.stack([*rows, best.speed, driven.speed]).astype(np.float32)}
     if not np.array_equal(solution.frame.x, frame_of(course, bounds).x):
         frame = np.stack([getattr(solution.frame, name) for name in _FRAME])
         tables |= {"frame": frame.astype(np.float32), "step": np.array(solution.frame.step)}
@@ -84,7 +85,9 @@ def _frame_in(tables: Mapping[str, Floats], course: Course, bounds: Bounds) -> F
 
 
 def _solution(frame: Frame, rows: Floats) -> Solution:
-    best, calm, near = (OffsetLine(*rows[first : first + 3]) for first in (0, 3, 6))
-    speed = rows[9]
-    time_s = float(np.sum(frame.step * best.stretch(frame) / speed))
-    return Solution(frame, calm, TimedLine(best, speed, time_s), near)
+    lines = [OffsetLine(*rows[first : first + 3]) for first in range(0, 12, 3)]
+    best, driven = (
+        TimedLine(line, speed, float(np.sum(frame.step * line.stretch(frame) / speed)))
+        for line, speed in zip(lines, rows[12:], strict=False)
+    )
+    return Solution(frame, lines[2], best, lines[3], driven)

@@ -19,7 +19,7 @@ _OTHERS = (
 
 
 def draw_limit(course: Course, limit: Limit, title: str, path: Path) -> None:
-    """Draw the four lines of a limit into a file.
+    """Draw four lines of a limit into a file.
 
     Raises:
         ScenarioError: the file's suffix is neither .png nor .svg.

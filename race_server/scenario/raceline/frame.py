@@ -29,6 +29,8 @@ SMOOTHING_OF_RADIUS = 0.35
 DEEPEST, DEEPEST_BESIDE = 24.0, 48.0
 # A lap of several kilometres has wide bends and gets longer steps: it is solved in seconds.
 MOST_STATIONS = 1200
+# Rays of so many points look for walls together, among those that are near to all of them.
+TOGETHER = 64
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,12 @@ class Frame:
     low: Floats  # (N,) [m] offset of a vehicle's middle at the right border, left positive
     high: Floats  # (N,) [m] the same at the left border
 
-    def narrowed(self, room: float, least: float) -> "Frame":
-        """Return a frame whose sides are `room` [m] nearer, or meet but for `least` [m]."""
-        if room == 0.0:
+    def narrowed(self, room: Floats | float, least: Floats | float) -> "Frame":
+        """Return a frame whose sides are `room` [m] nearer, or meet but for `least` [m].
+
+        room, least: for all stations, or (N,).
+        """
+        if np.all(np.equal(room, 0.0)):
             return self
         middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
         half = np.maximum(half - room, np.minimum(half, least))
@@ -104,7 +109,7 @@ def _frame(
         left, right = _asphalt(course, points[::2], heading[::2], own)
     else:
         deepest = (DEEPEST if is_centre else DEEPEST_BESIDE) * course.spacing
-        left, right = _room(course, points[::2], heading[::2], deepest)
+        left, right = _room(course, line, stations, deepest)
     frame = Frame(
         name=course.name,
         step=step,
@@ -126,16 +131,37 @@ def _frame(
     return frame
 
 
-def _room(course: Course, points: Floats, heading: Floats, deepest: float) -> tuple[Floats, Floats]:
-    """Return the free width to the left and right of points (N, 2): what rays meet there.
+def _room(course: Course, line: Floats, stations: int, deepest: float) -> tuple[Floats, Floats]:
+    """Return the free width [m] to the left and right of the stations (N,) along a line (M, 2).
 
-    They meet the borders, or the edges of the asphalt where kerbs and grass lie beyond it.
+    It is the least that rays meet from half a step before a station to half a step behind it, one
+    for each sample of the course: the tip of a wall lies between two stations. They meet the
+    borders, or the edges of the asphalt where kerbs and grass lie beyond it.
     """
-    across, walls = _across(heading), course.borders
+    walls = course.borders
     if course.kerb + course.grass > 0.0:
         walls = np.concatenate([segments_of(edge) for edge in course.edges()])
-    left, right = (ranges_to(walls, points, way) for way in (across, -across))
-    return np.minimum(left, deepest), np.minimum(right, deepest)
+    rays = max(-(-len(line) // stations), 2)
+    points = resample(line, rays * stations)
+    across = _across(derivatives(points)[0])
+    about = np.arange(stations)[:, np.newaxis] * rays + np.arange(-(rays // 2), rays // 2 + 1)
+    left, right = (
+        _ranges(walls, points, way, deepest)[about % len(points)].min(axis=1)
+        for way in (across, -across)
+    )
+    return left, right
+
+
+def _ranges(walls: Floats, points: Floats, ways: Floats, deepest: float) -> Floats:
+    """Return how far [m] walls (K, 4) are from points (N, 2) along ways, `deepest` at most."""
+    low, high = np.minimum(walls[:, :2], walls[:, 2:]), np.maximum(walls[:, :2], walls[:, 2:])
+    ranges = np.empty(len(points))
+    for first in range(0, len(points), TOGETHER):
+        rows = slice(first, first + TOGETHER)
+        near = np.all(low <= points[rows].max(axis=0) + deepest, axis=1)
+        near &= np.all(high >= points[rows].min(axis=0) - deepest, axis=1)
+        ranges[rows] = ranges_to(walls[near], points[rows], ways[rows]) if near.any() else deepest
+    return np.minimum(ranges, deepest)
 
 
 def _asphalt(course: Course, points: Floats, heading: Floats, own: Floats) -> tuple[Floats, Floats]:

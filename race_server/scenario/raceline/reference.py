@@ -1,4 +1,4 @@
-"""The reference limit of a course and a vehicle: four lines with their speeds, cached."""
+"""The reference limit of a course and a vehicle: lines with their speeds, cached."""
 
 import contextlib
 import hashlib

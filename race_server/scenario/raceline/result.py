@@ -1,4 +1,4 @@
-"""The reference limit: four closed lines with their speeds."""
+"""The reference limit: closed lines with their speeds."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from race_server.scenario.raceline.minimum_time import TimedLine
 from race_server.scenario.raceline.profile import lap_time, speeds_on
 from race_server.scenario.track.course import Floats
 
-NAMES = ("minimum_time", "minimum_curvature", "centre_line", "shortest")
+NAMES = ("minimum_time", "with_room", "minimum_curvature", "centre_line", "shortest")
 # Accelerations [m/s²] smaller than this neither drive nor brake.
 COASTING = 0.25
 
@@ -64,10 +64,11 @@ class Raceline:
 
 @dataclass(frozen=True)
 class Limit:
-    """The fastest laps of a vehicle on a course, along four lines."""
+    """The fastest laps of a vehicle on a course, along several lines."""
 
     solve_s: float  # time of the solver; zero if the lines were bundled or cached
     minimum_time: Raceline
+    with_room: Raceline  # that drivers follow: it keeps more room the faster it is
     minimum_curvature: Raceline
     centre_line: Raceline
     shortest: Raceline

@@ -40,6 +40,10 @@ NEAR_FOLD, NEAR = 2.0 * FOLD, 0.98
 GAINED = 0.001
 # The second frame is nearly always the last: a line lies in the middle of the one about itself.
 MOST_FRAMES = 6
+# Errors of a driver grow with its speed: a curvature that is off by k for a time T leads it astray
+# by v² k T² / 2. So a lap to drive keeps v² times this [s²/m] free beside the margin, 5 cm at
+# 10 m/s, but leaves this share of what there is.
+ROOM, LEFT = 5e-4, 0.5
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,10 @@ class Fastest:
 
 @dataclass(frozen=True)
 class Solution(Fastest):
-    """With the shortest line, all that a limit needs of a solver."""
+    """With the shortest line and one to drive, all that a limit needs of a solver."""
 
     near: OffsetLine
+    with_room: TimedLine
 
 
 def fastest_of(course: Course, bounds: Bounds, search: Search = STRICT) -> Fastest:
@@ -112,6 +117,16 @@ def fastest_in(frame: Frame, bounds: Bounds, search: Search = STRICT) -> Fastest
     return Fastest(frame, calm, fastest_lap(inner, bounds, calm, speeds, search.tolerance))
 
 
+def with_room(found: Fastest, bounds: Bounds) -> TimedLine:
+    """Return the lap of minimum time among those that keep more room the faster they are."""
+    frame, best = found.frame, found.best
+    inner = frame.narrowed(ROOM * best.speed**2, 0.5 * LEFT * (frame.high - frame.low))
+    try:
+        return fastest_lap(inner, bounds, best.line, best.speed)
+    except TrackError:
+        return best
+
+
 def _is_confined(found: Fastest, most: float) -> bool:
     """Return whether a lap comes near to what no wall but its frame forbids.
 
@@ -126,7 +141,7 @@ def _is_confined(found: Fastest, most: float) -> bool:
 
 
 def solve(course: Course, bounds: Bounds) -> Solution:
-    """Return the lines of least time, least curvature and least length.
+    """Return the lines of least time, with room and without, least curvature and least length.
 
     Raises:
         RaceError: CasADi is not installed, or no line fits.
@@ -136,15 +151,16 @@ def solve(course: Course, bounds: Bounds) -> Solution:
         near = shortest(found.frame, bounds, found.calm)
     except TrackError:
         near = found.calm  # a lap is known: nothing shorter was found
-    return Solution(found.frame, found.calm, found.best, near)
+    return Solution(found.frame, found.calm, found.best, near, with_room(found, bounds))
 
 
 def limit_of(course: Course, bounds: Bounds, solution: Solution, solve_s: float) -> Limit:
-    """Return the four lines of a solution with the speeds that each allows."""
+    """Return the lines of a solution with the speeds that each allows."""
     frame, own = solution.frame, frame_of(course, bounds)
     return Limit(
         solve_s,
         raceline_of(frame, bounds, solution.best),
+        raceline_of(frame, bounds, solution.with_room),
         raceline_at_best(frame, bounds, solution.calm),
         raceline_at_best(own, bounds, centre_line(own)),
         raceline_at_best(frame, bounds, solution.near),
