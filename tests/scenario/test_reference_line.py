@@ -217,4 +217,5 @@ def test_beside_the_tip_of_a_wall_the_room_is_the_way_to_the_tip() -> None:
     line = reference_line(course, TT02)
     there = np.column_stack([line.x, line.y])
     way, _ = nearest_on(course.borders, there)
-    assert np.minimum(line.left, line.right) == pytest.approx(way, abs=2e-3)
+    # Half a station further on the tip may be nearer, by 3 mm at most.
+    assert np.minimum(line.left, line.right) == pytest.approx(way, abs=3e-3)

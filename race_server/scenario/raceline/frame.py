@@ -29,7 +29,7 @@ SMOOTHING_OF_RADIUS = 0.35
 DEEPEST, DEEPEST_BESIDE = 24.0, 48.0
 # A lap of several kilometres has wide bends and gets longer steps: it is solved in seconds.
 MOST_STATIONS = 1200
-# Rays of so many points look for walls together, among those that are near to all of them.
+# Points whose rays look for walls together, among those that are near to any of them.
 TOGETHER = 64
 
 
