@@ -9,6 +9,8 @@ from rich.text import Text
 from race_server.cli.document import print_document
 from race_server.terminal import Console, TextColumn
 
+TOLD_S = 15.0  # between two lines where no bar can be shown
+
 Document = dict[str, Any]
 Outcome = TypeVar("Outcome")
 
@@ -34,8 +36,14 @@ def counted(
     ) as bar:
         task = bar.add_task("getting ready; compiling takes minutes, once", total=total)
 
+        told = time.monotonic()
+
         def watch(words: str) -> None:
+            nonlocal told
             bar.update(task, description=words)
+            if hidden and not quiet and time.monotonic() - told > TOLD_S:
+                told = time.monotonic()
+                console.print(f"{len(outcomes)} of {total}: {words}", soft_wrap=True)
 
         try:
             for outcome in examine(watch):

@@ -98,7 +98,9 @@ def read_demonstrations(path: Path) -> Demonstrations:
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file; record one with `race demonstrate`") from error
     except DAMAGES as error:
-        raise RecordingError(f"{path}: damaged, or no demonstrations: {error}") from error
+        raise RecordingError(
+            f"{path}: damaged, or no demonstrations ({error}); record some with `race demonstrate`"
+        ) from error
     shown = Demonstrations(_about(words, path), observations, controls)
     _check(shown, path)
     return shown

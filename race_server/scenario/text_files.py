@@ -25,12 +25,15 @@ def read_text(path: Path, most_bytes: int, error: type[RaceError]) -> str:
         with path.open("rb") as file:
             data = file.read(most_bytes + 1)
         if len(data) > most_bytes:
-            raise error(f"{path}: larger than {most_bytes} bytes")
+            raise error(
+                f"{path}: larger than {most_bytes} bytes; leave out what is not needed, such as "
+                "every second point"
+            )
         return data.decode("utf-8-sig")
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
-        raise error(f"{path}: cannot be read: it is not UTF-8") from problem
+        raise error(f"{path}: cannot be read: it is not UTF-8; save it as that") from problem
 
 
 def parse_toml(text: str) -> dict[str, Any]:

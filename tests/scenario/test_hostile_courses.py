@@ -14,7 +14,7 @@ from race_server.scenario.track.course import Course
 from race_server.scenario.track.importers import import_course
 from race_server.scenario.track.load import read_course, spec_of
 from race_server.scenario.track.walls import fence_of, pack_walls
-from race_server.tools.drills.bombs import YAML, chess_board, circle, picture, table, track
+from race_server.tools.drills.bombs import YAML, circle, picture, stripes, table, track
 from support.courses import ring
 
 
@@ -66,7 +66,7 @@ def test_a_csv_that_is_too_large_is_refused(tmp_path: Path, content: bytes, mess
         (picture(10_000, 10_000), r"map\.png: larger than 16777216 pixels"),
         (picture(100, 100), "no picture that can be read"),  # without a single row
         (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "no picture that can be read"),
-        (chess_board(2048), r"\d{7} runs of pixels; at most 1048576"),
+        (stripes(4000), r"\d{7} runs of pixels; at most 1048576"),
     ],
 )
 def test_a_map_that_is_too_large_is_refused(tmp_path: Path, image: bytes, message: str) -> None:

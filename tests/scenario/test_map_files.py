@@ -47,6 +47,7 @@ def in_colours(*rows: Any) -> Any:
     [
         YAML.replace("[-1.0, 2.0, 0.5]", "\n- -1.0\n- 2.0\n- 0.5"),
         YAML.replace("[-1.0, 2.0, 0.5]", "\n  - -1\n  - 2e0  # up\n  - .5"),
+        YAML.replace("[-1.0, 2.0, 0.5]", "[-1.0,\n  2.0,  # up\n  0.5]"),
         YAML.replace("\n", "\r\n"),
         "\ufeff" + YAML,
         "# image: no.png\n---\n" + YAML.replace("0.05", "0.05  # [m]"),
@@ -88,6 +89,10 @@ def test_negate_is_a_truth_value(word: str, negate: bool, tmp_path: Path) -> Non
         ("0.5]", "90]", "the angle is in radians, up to one turn"),
         ("negate: 0", "negate: maybe", "negate = maybe: give 0 or 1"),
         ("0.196", "19.6", "free_thresh = 19.6: give a share above 0, up to 1"),
+        ("0.05", "1e-6", "resolution = 1e-6: give metres per pixel, 0.001 to 10"),
+        ("-1.0", "-1e9", "stay within 100000 m of zero"),
+        ("0.65", "65", "occupied_thresh = 65: give a share from free_thresh .0.196. to 1"),
+        ("0.65", "0.1", "occupied_thresh = 0.1: give a share from free_thresh"),
         ("0.196", "0.196\nmode: grey", "mode = grey: choose one of trinary, scale, raw"),
     ],
 )
@@ -116,6 +121,36 @@ def test_the_brightness_of_a_colour_is_the_mean_of_its_parts(tmp_path: Path) -> 
     white, yellow, red = (255, 255, 255), (255, 255, 0), (255, 0, 0)
     picture = in_colours([white, yellow, red], [white, white, red])
     assert np.array_equal(free_of(tmp_path, picture), FREE)
+
+
+def test_a_gap_of_two_pixels_in_a_wall_is_closed_and_one_of_three_is_not(tmp_path: Path) -> None:
+    picture = np.full((21, 40), 254, np.uint8)
+    picture[10] = 0
+    picture[10, 10:12] = picture[10, 25:28] = 254
+    free = free_of(tmp_path, picture)
+    assert np.flatnonzero(free[10]).tolist() == [25, 26, 27]
+    assert free[:10].all()
+    assert free[11:].all()
+
+
+def test_a_finer_map_has_wider_gaps_closed(tmp_path: Path) -> None:
+    picture = np.full((41, 40), 254, np.uint8)
+    picture[20] = 0
+    picture[20, 10:19] = 254
+    yaml = YAML.replace("0.05", "0.01")  # 9 cm are 9 pixels
+    assert not free_of(tmp_path, picture, yaml)[20].any()
+
+
+def test_no_ray_passes_between_two_pixels_that_touch_at_a_corner(tmp_path: Path) -> None:
+    picture = np.full((100, 100), 254, np.uint8)
+    picture[np.arange(100), np.arange(100)] = 0
+    free_of(tmp_path, picture, YAML.replace("[-1.0, 2.0, 0.5]", "[0.0, 0.0, 0.0]"))
+    occupancy = read_map(tmp_path / "map.yaml")
+    # From 1 m beside the wall, across it: 45 degrees to the pixels.
+    along = np.linspace(1.0, 4.0, 301)
+    across = np.full((301, 2), np.sqrt(0.5))
+    points = np.column_stack([along, 5.0 - along]) - across
+    assert occupancy.ranges_to_walls(points, across, 3.0) == pytest.approx(np.ones(301), abs=0.06)
 
 
 def test_what_is_transparent_is_not_free(tmp_path: Path) -> None:

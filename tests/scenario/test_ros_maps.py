@@ -116,6 +116,11 @@ def test_an_import_says_that_a_map_has_more_loops_than_a_course(tmp_path: Path) 
 
     assert imported(tmp_path, eight).remark.startswith("the map has 2 islands that may each")
     assert imported(tmp_path, ring).remark == ""
+
+    def two(x: Any, y: Any) -> Any:
+        return np.abs(np.hypot(np.abs(x) - 7.0, y) - 5.0) < 1.0
+
+    assert imported(tmp_path, two).remark.startswith("the map has 2 corridors that are closed")
     assert imported(tmp_path, lambda x, y: ring(x, y) & (np.hypot(x - 10.0, y) > 0.5)).remark == ""
 
 

@@ -189,3 +189,14 @@ def test_a_kart_track_that_does_not_say_so_is_told_its_scale(tmp_path: Path) -> 
     (error,) = [one.what for one in check_course(course, KART_60) if one.level == "error"]
     assert error.startswith("two grid places are 0.")
     assert error.endswith('give the course scale = "kart"')
+
+
+def test_a_course_shorter_than_two_turning_radii_is_an_error_and_not_a_crash(
+    tmp_path: Path,
+) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 20, endpoint=False)
+    points = 0.2 * np.column_stack([np.cos(angles), np.sin(angles)])
+    path = tmp_path / "tiny.toml"
+    path.write_text(f'form = "line"\nhalf_width = 0.05\npoints = {points.tolist()}\n')
+    found = [one.what for one in check_course(read_course(path), TT02) if one.level == "error"]
+    assert "no place for a start grid" in found

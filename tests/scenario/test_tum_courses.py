@@ -87,7 +87,7 @@ def test_a_racing_line_is_no_centre_line(tmp_path: Path) -> None:
         ("0,0,1,-0.5", "line 3: widths right, left = 1, -0.5: from"),
         ("0,0,1,1e3", "line 3: .* above 0 and up to 100 m"),
         ("350000,5300000,1,1", "line 3: x, y = 350000, 5.3e[+]06: up to 100000 m from zero"),
-        ("0,0,1,nan", "line 3: expected x, y, width right, width left"),
+        ("0,0,1,nan", "line 3: width left is 'nan'; give a finite number in metres"),
     ],
 )
 def test_a_row_that_makes_no_course_is_named_in_the_table(
@@ -132,7 +132,34 @@ def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
     assert load_course(str(target)).digest == course.digest
 
 
+def test_a_row_may_end_with_a_separator(tmp_path: Path) -> None:
+    rows = "".join(f"{row},\n" for row in table().splitlines())
+    assert course_of(tmp_path, rows).length == pytest.approx(100.0 * np.pi, rel=0.001)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x_m,y_m\n1,2\n", "columns x_m, y_m: none for the widths to the right and left"),
+        ("x,y,width\n1,2,3\n", "columns x, y, width: none for the widths"),
+        ("1,2,,4\n", "line 1: width right is empty; give a finite number"),
+        ("1,2,3,4\n" * 50, "1 points that are apart make no course; give 4 or more"),
+    ],
+)
+def test_what_is_missing_in_a_table_is_named(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=message):
+        course_of(tmp_path, text)
+
+
+def test_a_course_that_is_too_wide_names_its_table_and_the_place(tmp_path: Path) -> None:
+    wide = "".join(f"{x},{y},60,60\n" for x, y in ((30, 0), (0, 30), (-30, 0), (0, -30)))
+    with pytest.raises(
+        TrackError, match=r"circle\.csv: wider .* up to 60\.00 m on the left near \("
+    ):
+        course_of(tmp_path, wide)
+
+
 def test_a_tum_csv_with_words_names_the_line(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match=r"circle\.csv, line 61: 'one,two,three,four' holds no"):
+    with pytest.raises(TrackError, match=r"circle\.csv, line 61: x is 'one'; give a finite"):
         course_of(tmp_path, table() + "one,two,three,four\n")
     assert not (tmp_path / "circle.toml").exists()

@@ -282,7 +282,12 @@ def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths:
     left = border_beside(line, heading, half_widths[:, 0] + beyond)
     right = border_beside(line, heading, -half_widths[:, 1] - beyond)
     if min(len(left), len(right)) < 3:
-        raise TrackError(f"{plan.name}: wider than its bends allow; make it narrower")
+        widest, side = divmod(int(np.argmax(half_widths)), 2)
+        (x, y), width = line[widest], half_widths[widest, side] + beyond
+        raise TrackError(
+            f"{plan.name}: wider than its bends allow, up to {width:.2f} m on the "
+            f"{('left', 'right')[side]} near ({x:.2f}, {y:.2f}); make it narrower"
+        )
     return np.concatenate([segments_of(left), segments_of(right)])
 
 

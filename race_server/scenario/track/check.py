@@ -160,7 +160,8 @@ def _tight_bends(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     samples = max(round(2.0 * vehicle.turning_radius / course.spacing), 1)
     turn = np.unwrap(course.line[:, 2])
     lap = turn[-1] + course.line[-1, 3] * course.spacing - turn[0]
-    ahead = np.concatenate([turn, turn + lap])[samples : samples + len(turn)]
+    laps, places = np.divmod(np.arange(len(turn)) + samples, len(turn))
+    ahead = turn[places] + laps * lap
     angle = np.clip(np.abs(ahead - turn), 1e-3, np.pi - 1e-3)
     room = 0.5 * np.maximum(course.half_widths.sum(axis=1) - vehicle.width, 0.0)
     tightest = 1.0 / np.maximum(np.abs(course.line[:, 3]), 1e-9)

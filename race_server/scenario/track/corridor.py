@@ -6,7 +6,7 @@ one closed strip, and the centres of their circles are the corners of the line (
 The radius of such a circle is free of walls: the line may move by less anywhere.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ class Corridor:
     walls: Parts  # connected parts of all other pixels
     outside: int  # number of the part around the corridor
     island: int  # number of the largest part that it leads around
+    others: int = 0  # free parts beside it that lead around islands not much smaller
 
 
 def find_corridor(occupancy: OccupancyMap) -> Corridor:
@@ -52,20 +53,22 @@ def find_corridor(occupancy: OccupancyMap) -> Corridor:
     touching = np.unique(np.concatenate([parts.of[1, :], parts.of[-2, :], *parts.of[:, [1, -2]].T]))
     large = np.flatnonzero(parts.sizes >= LEAST_SHARE * parts.sizes.sum())
     extents = {part: _extent(parts.of == part) for part in large}
-    best: Corridor | None = None
-    largest = 0.0
     for group in (np.setdiff1d(large, touching), np.intersect1d(large, touching)):
+        found: list[tuple[float, Corridor]] = []
         # No island is larger than what surrounds it.
         for part in sorted(group, key=lambda part: -extents[part]):
-            if best is None or extents[part] > largest:
+            largest = max((extent for extent, _ in found), default=0.0)
+            if extents[part] > LOOP_SHARE * largest:
                 free = np.asarray(parts.of == part)
                 walls = parts_of(~free, name, diagonal=True)
                 outside = int(walls.of[0, 0])
                 island, extent = _largest_island(walls, outside)
-                if extent > max(largest, LEAST_ISLAND * extents[part]):
-                    best, largest = Corridor(free, walls, outside, island), extent
-        if best is not None:
-            return best
+                if extent > LEAST_ISLAND * extents[part]:
+                    found.append((extent, Corridor(free, walls, outside, island)))
+        if found:
+            largest, best = max(found, key=lambda one: one[0])
+            others = sum(extent > LOOP_SHARE * largest for extent, _ in found) - 1
+            return replace(best, others=others)
     raise TrackError(f"{name}: the free space has no island in it: no closed corridor")
 
 

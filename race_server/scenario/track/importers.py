@@ -76,7 +76,11 @@ def import_course(
     report(0.3)
     likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
     words = line_file(points, f"Imported from {source.name}", scale or likely, title).encode()
-    course = course_in(target.stem, target.name, words)
+    try:
+        course = course_in(target.stem, target.name, words)
+    except TrackError as error:
+        said = str(error).removeprefix(f"{target.name}: ").removeprefix(f"{target.stem}: ")
+        raise TrackError(f"{source}: {said}") from error
     report(0.9)
     files = {}
     if occupancy is not None:
@@ -160,6 +164,11 @@ def _remark_on(points: Floats, corridor: Corridor | None) -> str:
         return (
             f"the last point is {last:.2f} m from the first, and others are {max(steps):.2f} m "
             "apart at most: the course closes across that gap, where it may not lead"
+        )
+    if corridor.others:
+        return (
+            f"the map has {corridor.others + 1} corridors that are closed, apart from one another; "
+            "the course is the one about the largest island: draw shut what is not part of it"
         )
     if not (count := other_loops(corridor)):
         return ""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from race_server.errors import TrackError
 from race_server.scenario.text_files import read_text
+from race_server.scenario.toml_reader import FARTHEST
 from race_server.scenario.track.course import Floats
 from race_server.scenario.track.pixel_parts import Mask
 
@@ -22,9 +23,13 @@ FORMATS = ("PPM", "PNG", "BMP")
 MODES, RAW, MOST_RAW = ("trinary", "scale", "raw"), "raw", 100
 TRUE, FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
 MOST_YAML = 1 << 16  # bytes
+LEAST_STEP, MOST_STEP = 1e-3, 10.0  # [m] of a pixel
 MOST_PIXELS = 1 << 24
 OPAQUE = 128  # of 255; a pixel through which more is seen is not free
 RAY_STEP = 0.25  # pixels from one point of a ray to the next
+# Gaps in a wall up to this wide [m] are closed, and at least those of two pixels: pictures that are
+# drawn or scanned have such, and no vehicle passes them.
+GAP, LEAST_GAP = 0.1, 2
 
 
 @dataclass(frozen=True)
@@ -79,10 +84,18 @@ class OccupancyMap:
         most = math.ceil(reach / (RAY_STEP * self.file.resolution))
         # One step back from the first point in a wall is half a step too short on average.
         ranges, going = np.full(len(points), float(most)), np.arange(len(points))
+        before = start
         for number in range(most + 1):
-            meets = ~_at(self.free, start[going] + number * step[going])
+            here = start[going] + number * step[going]
+            meets = ~_at(self.free, here)
+            # Between two pixels of a wall that touch at a corner no ray passes.
+            aside = [
+                np.column_stack(pair)
+                for pair in ((here[:, 0], before[:, 1]), (before[:, 0], here[:, 1]))
+            ]
+            meets |= ~(_at(self.free, aside[0]) | _at(self.free, aside[1]))
             ranges[going[meets]] = max(number - 0.5, 0.0)
-            going = going[~meets]
+            going, before = going[~meets], here[~meets]
         return np.asarray(np.minimum(ranges * RAY_STEP * self.file.resolution, reach))
 
 
@@ -102,17 +115,19 @@ def read_map_file(path: Path) -> MapFile:
     words = _values_in(read_text(path, MOST_YAML, TrackError))
     for key in ("image", "resolution", "origin"):
         if key not in words:
-            raise TrackError(f"{path}: the key {key} is missing")
+            raise TrackError(f"{path}: the key {key} is missing; write one `key: value` on a line")
 
     def wrong(key: str, way_out: str) -> TrackError:
         return TrackError(f"{path}: {key} = {words[key][:60]}: {way_out}")
 
     resolution = _numbers_in(words["resolution"])
-    if len(resolution) != 1 or not 0.0 < resolution[0] <= 10.0:
-        raise wrong("resolution", "give metres per pixel, up to 10")
+    if len(resolution) != 1 or not LEAST_STEP <= resolution[0] <= MOST_STEP:
+        raise wrong("resolution", f"give metres per pixel, {LEAST_STEP:g} to {MOST_STEP:g}")
     origin = _numbers_in(words["origin"].strip("[]"))
     if len(origin) != 3 or not np.isfinite(origin).all():
         raise wrong("origin", "give three finite numbers [x, y, angle]")
+    if max(map(abs, origin[:2])) > FARTHEST:
+        raise wrong("origin", f"stay within {FARTHEST:g} m of zero")
     if abs(origin[2]) > 2.0 * math.pi:
         raise wrong("origin", "the angle is in radians, up to one turn")
     negate = words.setdefault("negate", "0").lower()
@@ -121,6 +136,9 @@ def read_map_file(path: Path) -> MapFile:
     free = _numbers_in(words.setdefault("free_thresh", "0.196"))
     if len(free) != 1 or not 0.0 < free[0] <= 1.0:
         raise wrong("free_thresh", "give a share above 0, up to 1")
+    occupied = _numbers_in(words.setdefault("occupied_thresh", "1.0"))
+    if len(occupied) != 1 or not free[0] <= occupied[0] <= 1.0:
+        raise wrong("occupied_thresh", f"give a share from free_thresh ({free[0]:g}) to 1")
     if words.setdefault("mode", MODES[0]) not in MODES:
         raise wrong("mode", f"choose one of {', '.join(MODES)}")
     return MapFile(
@@ -139,6 +157,9 @@ def _values_in(text: str) -> dict[str, str]:
     words: dict[str, str] = {}
     last = ""
     for line in text.splitlines():
+        if words and words[last].startswith("[") and "]" not in words[last]:
+            words[last] += " " + _value_in(line)
+            continue
         if last and line.strip().startswith("- "):
             words[last] += ", " * bool(words[last]) + _value_in(line.strip()[1:])
             continue
@@ -179,8 +200,31 @@ def read_map(path: Path) -> OccupancyMap:
     else:
         levels = np.arange(256) / 255.0
         occupied = levels if map_file.negate else 1.0 - levels
-    free: Mask = np.pad((occupied < map_file.free_below)[grey] & opaque, 1)
+    walls = ~((occupied < map_file.free_below)[grey] & opaque)
+    gap = max(int(GAP / map_file.resolution), LEAST_GAP)
+    free: Mask = ~np.pad(_closed(walls, gap // 2), 1, constant_values=True)
     return OccupancyMap(map_file, free)
+
+
+def _closed(walls: Mask, reach: int) -> Mask:
+    """Return walls without gaps of up to twice `reach` pixels: wider by it, and then narrower."""
+    wider = np.pad(walls, reach, mode="edge")
+    for axis in (0, 1):
+        wider = _widened(wider, reach, axis)
+    for axis in (0, 1):
+        wider = ~_widened(~wider, reach, axis)
+    return wider[reach:-reach, reach:-reach]
+
+
+def _widened(mask: Mask, reach: int, axis: int) -> Mask:
+    """Return a mask that is wider by `reach` pixels along an axis."""
+    length = mask.shape[axis]
+    counts = np.cumsum(mask, axis=axis, dtype=np.int32)
+    places = np.arange(length)
+    last = counts.take(np.minimum(places + reach, length - 1), axis=axis)
+    first = counts.take(np.maximum(places - reach - 1, 0), axis=axis)
+    none = (places <= reach).reshape((-1, 1) if axis == 0 else (1, -1))
+    return np.asarray(last > np.where(none, 0, first))
 
 
 def _grey(path: Path) -> tuple[NDArray[np.uint8], Mask]:

@@ -25,6 +25,8 @@ SAME_SHARE, SAME = 0.05, 2e-4
 # Where x, y, width right and width left stand in a row.
 Columns = tuple[int, int, int, int]
 USUAL: Columns = (0, 1, 2, 3)
+_NAMES = ("x", "y", "width right", "width left")
+LEAST_POINTS = 4
 # The name of a column, with its unit perhaps; that of a table's numbers may be empty.
 _COLUMN = re.compile(r"(\w+\s*([\[(].*[\])])?)?")
 
@@ -49,15 +51,21 @@ def read_tum(path: Path) -> Floats:
             rows.append(_row(text.strip(), columns, place))
     check_count(f"points in {path}", len(rows), MOST_POINTS)
     points = _apart(np.array(rows).reshape(-1, 4))
-    if len(points) < 4:
-        raise TrackError(f"{path}: {len(points)} points make no course")
+    if len(points) < LEAST_POINTS:
+        raise TrackError(
+            f"{path}: {len(points)} points that are apart make no course; give {LEAST_POINTS} or "
+            "more"
+        )
     return points
 
 
 def _words_in(text: str) -> list[str]:
     """Return what stands between the separators of a line."""
     separator = next((one for one in ";," if one in text), None)
-    return [word.strip().strip('"') for word in text.split(separator)]
+    words = [word.strip().strip('"') for word in text.split(separator)]
+    while words and not words[-1]:  # a row may end with a separator
+        words.pop()
+    return words
 
 
 def _columns_in(text: str, place: str) -> Columns | None:
@@ -67,7 +75,7 @@ def _columns_in(text: str, place: str) -> Columns | None:
         TrackError: it names places without widths.
     """
     names = _words_in(text)
-    if len(names) < len(USUAL) or not all(map(_COLUMN.fullmatch, names)):
+    if len(names) < 2 or not all(map(_COLUMN.fullmatch, names)):
         return None
     words = [re.findall("[a-z]+", name.lower()) for name in names]
     x, y = (next((n for n, one in enumerate(words) if one[:1] == [axis]), -1) for axis in "xy")
@@ -78,7 +86,7 @@ def _columns_in(text: str, place: str) -> Columns | None:
         return None
     if min(right, left) >= 0:
         return x, y, right, left
-    if (x, y) == USUAL[:2]:
+    if (x, y) == USUAL[:2] and len(names) >= len(USUAL):
         return USUAL
     raise TrackError(
         f"{place}: columns {', '.join(names)[:60]}: none for the widths to the right and left; "
@@ -95,13 +103,10 @@ def _row(text: str, columns: Columns, place: str) -> tuple[float, float, float, 
     words = _words_in(text)
     if ";" in text:
         words = [word.replace(",", ".") for word in words]
-    try:
-        values = [float(word) for word in words]
-    except ValueError as error:
-        raise TrackError(f"{place}: {text[:40]!r} holds no numbers") from error
-    if len(values) <= max(columns) or not np.isfinite(values).all():
-        raise TrackError(f"{place}: expected x, y, width right, width left")
-    x, y, right, left = (values[column] for column in columns)
+    x, y, right, left = (
+        _number(words[column] if column < len(words) else "", f"{place}: {name}")
+        for name, column in zip(_NAMES, columns, strict=True)
+    )
     if max(abs(x), abs(y)) > FARTHEST:
         raise TrackError(
             f"{place}: x, y = {x:g}, {y:g}: up to {FARTHEST:g} m from zero; move the course there"
@@ -112,6 +117,22 @@ def _row(text: str, columns: Columns, place: str) -> tuple[float, float, float, 
             f"are above 0 and up to {MOST_HALF_WIDTH:g} m"
         )
     return x, y, left, right
+
+
+def _number(word: str, what: str) -> float:
+    """Return the finite number that a word is.
+
+    Raises:
+        TrackError: it is none; it begins with `what`.
+    """
+    try:
+        value = float(word)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        found = repr(word[:40]) if word else "empty"
+        raise TrackError(f"{what} is {found}; give a finite number in metres")
+    return value
 
 
 def _apart(points: Floats) -> Floats:
