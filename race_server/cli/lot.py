@@ -24,7 +24,11 @@ LotName = Annotated[
     ),
 ]
 Vehicle = Annotated[
-    str, typer.Option(help="Vehicle: kart-13, kart-30, kart-60 or car. Default: that of the lot.")
+    str,
+    typer.Option(
+        help="Vehicle, such as kart-13, car or car-trailer; an unknown name lists all. Default: "
+        "that of the lot."
+    ),
 ]
 
 Vehicles = Annotated[int, typer.Option(min=1, max=64, help="Vehicles that drive there.")]
@@ -85,10 +89,17 @@ def check(
     ] = 200,
     as_json: AsJson = False,
 ) -> None:
-    """Check whether a vehicle can park in a car park. Exit code 1 if it cannot."""
+    """Check whether a vehicle can park in a car park. Exit code 1 if it cannot.
+
+    Slots have to be large enough, and a way as wide as the vehicle has to lead there; whether the
+    vehicle can turn on it, `race park` shows.
+    """
+    from race_server.core.kernels.jit import is_compiled
     from race_server.scenario.lot.check import check_lot
     from race_server.scenario.lot.load import load_lot, summary
 
+    if not is_compiled():
+        say("compiling the simulation for this machine, once: about a minute", error=True)
     findings = check_lot(name, vehicle, seeds, vehicles)
     lot = summary(load_lot(name))
     print_findings("lot", lot["name"], vehicle or lot["vehicle"], findings, as_json)

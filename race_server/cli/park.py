@@ -10,6 +10,7 @@ from race_server.cli.option_fields import expand_options
 from race_server.cli.options import Results
 from race_server.cli.serve_options import VALET
 from race_server.cli.start import StartOptions, start_session
+from race_server.core.bounds import MOST_ROUND_S
 from race_server.core.seeds import MOST_SEED
 
 
@@ -31,7 +32,10 @@ class ParkOptions:
         ""
     )
     limit: Annotated[
-        float, typer.Option(min=0.0, help="Seconds to park in; 0: as the car park says.")
+        float,
+        typer.Option(
+            min=0.0, max=MOST_ROUND_S, help="Seconds to park in; 0: as the car park says."
+        ),
     ] = 0.0
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. Default: the one that the car park is made for.")

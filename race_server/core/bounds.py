@@ -10,3 +10,5 @@ LAST_SEAT = MOST_KARTS - 1
 MOST_ROUNDS = 100
 # A day. A clock overflows at numbers beyond reason [s].
 MOST_S = 86_400.0
+# Of a round in a car park [s].
+LEAST_ROUND_S, MOST_ROUND_S = 1.0, 3600.0

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from race_server.envs.presets import (
         LEARNING_RULES,
         mixed_task,
+        parking_task,
         race_task,
         scenario_on,
         task_on,
@@ -48,6 +49,7 @@ __all__ = [
     "env",
     "mixed_task",
     "parallel_env",
+    "parking_task",
     "race_task",
     "scenario_on",
     "task_on",
@@ -60,7 +62,7 @@ _MODULES = {
     "buffers": ("REENTER", "RESET_WORLD", "STAY"),
     "parallel": ("KartRace", "env", "parallel_env"),
     "presets": (
-        *("LEARNING_RULES", "mixed_task", "race_task"),
+        *("LEARNING_RULES", "mixed_task", "parking_task", "race_task"),
         *("scenario_on", "task_on", "time_trial_task"),
     ),
     "racing": ("Racing",),

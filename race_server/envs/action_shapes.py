@@ -61,7 +61,9 @@ def finite(actions: Float32s, agent: str = "") -> Float32s:
     """
     flat = actions.ravel()
     # The sum of squares is finite, or one of them is not (or very large): faster than `isfinite`.
-    if not math.isfinite(flat.dot(flat)) and not np.isfinite(flat).all():
+    with np.errstate(over="ignore"):
+        squares = flat.dot(flat)
+    if not math.isfinite(squares) and not np.isfinite(flat).all():
         where = [int(place) for place in np.argwhere(~np.isfinite(actions))[0]]
         value = float(actions[tuple(where)])
         raise ScenarioError(

@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from race_server.core import codes
+from race_server.core.bounds import LEAST_ROUND_S, MOST_ROUND_S
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import ScenarioError
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.faults import small_slots
 from race_server.scenario.lot.load import load_lot
 from race_server.scenario.race import Rules, Scenario
-from race_server.scenario.track.limits import LEAST_ROUND_S, MOST_ROUND_S
 
 # Nothing of a race but the clock; a touch is a crash.
 LOT_RULES = Rules(

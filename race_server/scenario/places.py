@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from race_server.errors import ScenarioError
+
 
 def own_folder(kind: str) -> Path:
     """Return the folder that comes with the program. kind: tracks or lots."""
@@ -11,9 +13,17 @@ def own_folder(kind: str) -> Path:
 
 
 def folders_of(kind: str) -> list[Path]:
-    """Return all folders: those in $RACE_TRACKS or $RACE_LOTS first, then the program's."""
-    chosen = os.environ.get(f"RACE_{kind.upper()}", "")
-    return [*(Path(name) for name in chosen.split(os.pathsep) if name), own_folder(kind)]
+    """Return all folders: those in $RACE_TRACKS or $RACE_LOTS first, then the program's.
+
+    Raises:
+        ScenarioError: one of them does not exist.
+    """
+    variable = f"RACE_{kind.upper()}"
+    chosen = [Path(name) for name in os.environ.get(variable, "").split(os.pathsep) if name]
+    for folder in chosen:
+        if not folder.is_dir():
+            raise ScenarioError(f"{variable}: {folder} is no folder; make it, or name another one")
+    return [*chosen, own_folder(kind)]
 
 
 def names_of(kind: str) -> list[str]:

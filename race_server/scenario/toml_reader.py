@@ -60,11 +60,11 @@ class TomlReader:
         return TomlReader(f"{self.file}, {key}", words, self.error, self.manual, self.most_rows)
 
     def text(self, key: str, default: str) -> str:
-        """Take a text out."""
+        """Take a text of one line out."""
         value = self.take(key, default)
-        if not isinstance(value, str) or not 0 < len(value) <= MOST_LETTERS:
+        if not isinstance(value, str) or not 0 < len(value.strip()) <= MOST_LETTERS:
             raise self.wrong(key, value, f"give a text of up to {MOST_LETTERS} characters")
-        return value
+        return " ".join(value.split())
 
     def choice(self, key: str, choices: Iterable[str], default: str) -> str:
         """Take one of several texts out."""

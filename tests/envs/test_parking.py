@@ -188,12 +188,33 @@ def test_goals_may_be_lists_and_what_is_no_goal_is_refused() -> None:
     assert env.compute_reward([goal, goal], [goal, goal], [{}, {"crashed": True}]).tolist() == [
         *(0.0, CRASH)
     ]
-    with pytest.raises(ScenarioError, match=r"achieved goals \[1.0\]: give numbers of the shape"):
+    with pytest.raises(
+        ScenarioError, match=r"achieved goals \[1.0\]: give finite numbers of the shape"
+    ):
         env.compute_reward(goal[:1], goal, {})
-    with pytest.raises(ScenarioError, match=r"desired goals .*: give numbers of the shape"):
+    with pytest.raises(ScenarioError, match=r"desired goals .*: give finite numbers of the shape"):
         env.compute_reward(goal, [goal, goal[:4]], {})
     with pytest.raises(ScenarioError, match=r"infos = None: give that of each step"):
         env.compute_reward(goal, goal, None)
+    with pytest.raises(ScenarioError, match=r"infos = 'abc': give that of each step, a dict"):
+        env.compute_reward(goal, goal, "abc")
+    with pytest.raises(ScenarioError, match=r"1 infos for rewards of the shape \(3,\)"):
+        env.compute_reward([goal] * 3, [goal] * 3, [{"crashed": True}])
+    with pytest.raises(ScenarioError, match=r"achieved goals of the shape \(3, 5\), desired"):
+        env.compute_reward([goal] * 3, [goal] * 2, {})
+    with pytest.raises(ScenarioError, match=r"achieved goals .*: give finite numbers"):
+        env.compute_reward([np.nan] * 5, goal, {})
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_action_far_out_of_its_range_is_the_nearest_one_in_it() -> None:
+    ends = []
+    for much in (1.0, 1e30, 3e38):
+        env = gymnasium.make(registration.PARK, disable_env_checker=True)
+        env.reset(seed=1)
+        ends.append(env.step(np.array([much, 0.0], np.float32))[0])
+    assert np.array_equal(ends[0], ends[1])
+    assert np.array_equal(ends[0], ends[2])
 
 
 def test_pettingzoo_finds_nothing_wrong_with_vehicles_that_park() -> None:

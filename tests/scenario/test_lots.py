@@ -10,7 +10,7 @@ import pytest
 
 from race_server.core.vehicle_presets import CAR, KART_13, LORRY, vehicle_named
 from race_server.core.vehicles import GRAVITY
-from race_server.errors import LotError
+from race_server.errors import LotError, ScenarioError
 from race_server.scenario.level import LEVELS
 from race_server.scenario.lot.faults import slots_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
@@ -243,6 +243,14 @@ FAULTS = {
         r"a slot of 4.5 by 2.5 m is too small for car, which is 4.689 by 1.942 m; make it larger",
         ONE_BAY.replace("5.2", "4.5"),
     ),
+    "slot without room": (
+        r"a slot of 4.689 by 2.5 m is too small for car, .* make it larger by 0.05 m or more",
+        ONE_BAY.replace("5.2", "4.689"),
+    ),
+    "zone from right to left": (
+        r"zones\[2\]: x = '\[31.0, 30.0\]': give the smaller one first",
+        ONE_BAY + "[[zones]]\nrole = 'goal'\nx = [31, 30]\n",
+    ),
     "slot under a wall": (
         r"slot 0 at \(30.00, 10.00\) m lies under the obstacle at \(30.00, 11.00\) m; move one",
         f"walls = [[25, 11, 35, 11]]\n{ONE_BAY}",
@@ -399,3 +407,14 @@ def test_own_lots_are_found_in_the_folders_of_a_variable(
     monkeypatch.setenv("RACE_LOTS", str(tmp_path))
     assert load_lot("mine").title == "mine"
     assert "mine" in lot_names()
+
+
+def test_a_folder_of_lots_that_does_not_exist_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RACE_LOTS", "/nowhere")
+    with pytest.raises(ScenarioError, match=r"RACE_LOTS: /nowhere is no folder; make it, or name"):
+        lot_names()
+
+
+def test_a_title_has_one_line(tmp_path: Path) -> None:
+    (tmp_path / "lot.toml").write_text('title = "two\\n lines"\n' + ONE_BAY)
+    assert load_lot(tmp_path / "lot.toml").title == "two lines"

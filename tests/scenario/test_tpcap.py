@@ -11,6 +11,7 @@ from race_server.cli.lot import app
 from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
 from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.tpcap import MOST_NUMBERS, MOST_POLYGONS, import_case, read_case
 from race_server.scenario.track.polyline import area_of
 
@@ -171,7 +172,7 @@ def test_a_damaged_case_is_one_sentence(damage: str, tmp_path: Path) -> None:
 def test_a_polygon_that_crosses_itself_is_refused_and_no_file_stays(tmp_path: Path) -> None:
     target = tmp_path / "case.toml"
     bow = [(8.0, 4.0), (10.0, 6.0), (10.0, 4.0), (8.0, 7.0)]
-    with pytest.raises(LotError, match=r"polygons\[1\].*its sides cross"):
+    with pytest.raises(LotError, match="the sides of obstacle 1 cross"):
         import_case(write(tmp_path, numbers(bow)), target, title="x")
     assert not target.exists()
 
@@ -200,7 +201,7 @@ def test_an_import_that_fails_leaves_the_file_of_before(name: str, tmp_path: Pat
     target = tmp_path / name
     target.write_text("an hour of work")
     bow = [(8.0, 4.0), (10.0, 6.0), (10.0, 4.0), (8.0, 7.0)]
-    with pytest.raises(LotError, match=r"its sides cross|the file of a lot ends in .toml"):
+    with pytest.raises(LotError, match=r"obstacle 1 cross|the file of a lot ends in .toml"):
         import_case(write(tmp_path, numbers(bow)), target, title="x")
     assert target.read_text() == "an hour of work"
     assert sorted(one.name for one in tmp_path.iterdir()) == sorted(["Case1.csv", name])
@@ -214,3 +215,24 @@ def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
     assert np.isclose(target.stat().st_size, 700, atol=300)
     refused = CliRunner().invoke(app, ["import", str(source), "--to", str(tmp_path / "case.png")])
     assert isinstance(refused.exception, LotError)
+
+
+def test_an_obstacle_that_reaches_far_out_is_cut_off_and_the_way_beside_it_stays(
+    tmp_path: Path,
+) -> None:
+    long = [[-800.0, 6.0], [900.0, 6.0], [900.0, 7.0], [-800.0, 7.0]]
+    lot = import_case(write(tmp_path, numbers(long)), tmp_path / "long.toml", title="Long")
+    assert np.abs(lot.borders).max() < 100.0
+    walls = lot.borders[(lot.borders[:, [1, 3]] == 6.0).all(axis=1)]
+    assert len(walls) == 1
+    assert load_lot(tmp_path / "long.toml").digest == lot.digest
+
+
+def test_an_obstacle_is_counted_as_in_its_case(tmp_path: Path) -> None:
+    far = [[500.0, 500.0], [501.0, 500.0], [501.0, 501.0]]
+    crossed = [[4.0, 5.0], [6.0, 6.0], [6.0, 5.0], [4.0, 6.5]]
+    with pytest.raises(LotError, match="the sides of obstacle 2 cross; give its corners in order"):
+        import_case(write(tmp_path, numbers(far, crossed)), tmp_path / "t.toml", title="t")
+    flat = [[4.0, 5.0], [5.0, 5.0], [6.0, 5.0]]
+    with pytest.raises(LotError, match="corners of obstacle 2 lie on one line; give it an area"):
+        import_case(write(tmp_path, numbers(far, flat)), tmp_path / "t.toml", title="t")

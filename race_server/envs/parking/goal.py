@@ -132,12 +132,17 @@ class GoalView:
             ScenarioError: the goals have another shape or are no numbers, or the infos are none.
         """
         achieved, desired = self._goals("achieved", achieved), self._goals("desired", desired)
+        if achieved.shape != desired.shape:
+            raise ScenarioError(
+                f"achieved goals of the shape {achieved.shape}, desired ones of {desired.shape}: "
+                "give one of each for every step"
+            )
         if self.reward == "sparse":
             reward = is_reached(self.level, achieved, desired, self.top_speed) - 1.0
         else:
             # Not a matrix product, which rounds a single goal differently.
             reward = -np.sqrt((np.abs(achieved - desired) * self.weights).sum(axis=-1))
-        return np.asarray(reward + CRASH * _crashed(infos))
+        return np.asarray(reward + CRASH * _crashed(infos, reward.shape))
 
     def _goals(self, name: str, given: Any) -> Array:
         size = len(self.weights)
@@ -145,20 +150,34 @@ class GoalView:
             goals = np.asarray(given)
         except ValueError:  # rows of several lengths
             goals = np.empty(0)
-        if goals.ndim not in (1, 2) or goals.shape[-1] != size or goals.dtype.kind not in "fiu":
+        is_shaped = goals.ndim in (1, 2) and goals.shape[-1] == size
+        if not is_shaped or goals.dtype.kind not in "fiu" or not np.isfinite(goals).all():
             raise ScenarioError(
-                f"{name} goals {given!r:.60}: give numbers of the shape (n, {size}) or ({size},)"
+                f"{name} goals {given!r:.60}: give finite numbers of the shape (n, {size}) or "
+                f"({size},)"
             )
         return goals
 
 
-def _crashed(infos: Mapping[str, Any] | Sequence[Any]) -> Array:
-    """Return 1 where a vehicle crashed, and 0 elsewhere: (n,), or () of a single info."""
+def _crashed(infos: Mapping[str, Any] | Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """Return 1 where a vehicle crashed, and 0 elsewhere: (n,), or () of a single info.
+
+    shape: of the rewards.
+    """
     if isinstance(infos, Mapping):
-        return np.asarray(infos.get("crashed", False), np.bool_).astype(np.float64)
-    if infos is None:
-        raise ScenarioError("infos = None: give that of each step; a crash stands there")
-    return np.array([bool(info.get("crashed", False)) for info in infos], np.float64)
+        told: Any = infos.get("crashed", False)
+    elif isinstance(infos, str | None) or not all(isinstance(one, Mapping) for one in infos):
+        raise ScenarioError(
+            f"infos = {infos!r:.60}: give that of each step, a dict; a crash stands there"
+        )
+    else:
+        told = [one.get("crashed", False) for one in infos]
+    crashed = np.asarray(told, np.bool_).astype(np.float64)
+    if crashed.shape not in {(), shape}:
+        raise ScenarioError(
+            f"{len(crashed)} infos for rewards of the shape {shape}: give one for each step"
+        )
+    return crashed
 
 
 def is_reached(

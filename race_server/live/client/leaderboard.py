@@ -1,7 +1,7 @@
 """The leaderboard and the events of a race as text for a terminal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.table import Table
 from rich.text import Text
@@ -69,7 +69,7 @@ class Headline:
 def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
     """Return the standings of a race as a table."""
     if any(row.parking for row in standings):
-        return _parking_board(headline, standings)
+        return _parking_board(replace(headline, laps=0), standings)
     table = _empty_table(headline)
     for name in ("laps", "last", "best", "time", "gap", "pen.", "items"):
         table.add_column(name, justify="right", no_wrap=True)

@@ -5,10 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from race_server.core.vehicles import Vehicle
+from race_server.scenario.level import level_named
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.site import area_in
 from race_server.scenario.track.course import Course
 
+PLAY = 0.05  # [m] that a slot is larger where all corners of a vehicle have to be inside
 TOUCH = 0.05  # [m] an obstacle or another slot may reach so far into a slot
 EQUAL = 1e-9  # [m] of a sum of lengths that are rounded
 
@@ -47,13 +49,15 @@ def _missing(course: Course) -> Iterator[str]:
 def small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
     """Yield a sentence for each size of slots that a vehicle does not fit into."""
     assert course.lot is not None
+    play = PLAY if level_named(course.lot.level).fits else 0.0
     sizes = course.lot.slots[:, 3:] if len(course.lot.slots) else np.array([course.lot.slot_size])
     for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
         whole = vehicle.overall_length, vehicle.overall_width
-        if length < whole[0] - EQUAL or width < whole[1]:
+        if length < whole[0] + play - EQUAL or width < whole[1] + play - EQUAL:
+            more = f" by {play:g} m or more" if play else ""
             yield (
                 f"a slot of {length:g} by {width:g} m is too small for {vehicle.name}, which is "
-                f"{whole[0]:g} by {whole[1]:g} m; make it larger, or choose another vehicle"
+                f"{whole[0]:g} by {whole[1]:g} m; make it larger{more}, or choose another vehicle"
             )
 
 

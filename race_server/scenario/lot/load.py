@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from race_server.core.bounds import LEAST_ROUND_S, MOST_ROUND_S
 from race_server.core.lots import ROLES
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import LotError, VehicleError
@@ -21,11 +22,9 @@ from race_server.scenario.toml_reader import TomlReader
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.generated import PREFIX
 from race_server.scenario.track.limits import (
-    LEAST_ROUND_S,
     MOST_BLOCKS,
     MOST_OBSTACLES,
     MOST_PEOPLE,
-    MOST_ROUND_S,
     MOST_SLOT_ROWS,
     MOST_ZONES,
 )
@@ -187,6 +186,8 @@ def _zone(reader: TomlReader, area: Area) -> Zone:
     role = reader.choice("role", tuple(ROLES), "")
     x, y = reader.pair("x") or area[:2], reader.pair("y") or area[2:]
     for name, (low, high), (least, most) in (("x", x, area[:2]), ("y", y, area[2:])):
+        if low > high:
+            raise reader.wrong(name, [low, high], "give the smaller one first")
         if not least <= low <= high <= most:
             raise reader.wrong(name, [low, high], f"stay within the area, {least:g} to {most:g}")
     heading, spread, hitch = (

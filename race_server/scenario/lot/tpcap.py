@@ -16,12 +16,12 @@ from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
 from race_server.kept_file import write_together
 from race_server.scenario.lot.footprint import Footprint, wall_under
-from race_server.scenario.lot.load import MOST_CORNERS, MOST_ROWS, lot_of
+from race_server.scenario.lot.load import BEYOND, LEAST_SQUARE, MOST_CORNERS, MOST_ROWS, lot_of
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.lot import Lot
-from race_server.scenario.track.polyline import area_of
+from race_server.scenario.track.polyline import area_of, crossings, segments_of
 
 MOST_POLYGONS = MOST_ROWS["polygons"]
 # Poses, counts, and corners of the largest case; a number takes at most 32 characters here.
@@ -60,7 +60,8 @@ class Case:
 def import_case(source: Path, target: Path, *, title: str) -> Course:
     """Write a case as the file of a car park, and return that.
 
-    Obstacles outside of the area are left out: nothing sees or meets what is behind its border.
+    Obstacles outside of the area are left out, and what reaches far beyond it is cut off: nothing
+    sees or meets what is behind its border.
 
     Raises:
         LotError: the source is no case, start or goal lies in an obstacle, or the target does not
@@ -74,7 +75,7 @@ def import_case(source: Path, target: Path, *, title: str) -> Course:
             f"{target}: the case itself, which would be written over; write the lot under another "
             "name"
         )
-    case = _in_sight(read_case(source))
+    case = _in_sight(source, read_case(source))
     text = _file_of(case, _room_for(source, case), source.name, title)
     course = lot_of(target.stem, str(source), text)
     try:
@@ -176,15 +177,48 @@ def _open(loop: Floats) -> Floats:
     return loop[:-1] if is_closed else loop
 
 
-def _in_sight(case: Case) -> Case:
-    """Return a case without the obstacles that lie outside of its area."""
+def _in_sight(path: Path, case: Case) -> Case:
+    """Return a case without what lies outside of its area, or reaches far beyond it.
+
+    Raises:
+        LotError: an obstacle that is left has no area, or its sides cross.
+    """
     x0, x1, y0, y1 = case.area
-    near = tuple(
-        polygon
-        for polygon in case.polygons
-        if (polygon.min(axis=0) < (x1, y1)).all() and (polygon.max(axis=0) > (x0, y0)).all()
-    )
-    return replace(case, polygons=near)
+    near = []
+    for number, polygon in enumerate(case.polygons, start=1):
+        if (polygon.min(axis=0) < (x1, y1)).all() and (polygon.max(axis=0) > (x0, y0)).all():
+            if len(crossings(segments_of(polygon), first_only=True)):
+                raise LotError(
+                    f"{path}: the sides of obstacle {number} cross; give its corners in order"
+                )
+            if abs(area_of(polygon)) < LEAST_SQUARE:
+                raise LotError(
+                    f"{path}: the corners of obstacle {number} lie on one line; give it an area"
+                )
+            near.append(_cut(polygon, case.area))
+    return replace(case, polygons=tuple(near))
+
+
+def _cut(polygon: Floats, area: tuple[float, float, float, float]) -> Floats:
+    """Return the part of a polygon (N, 2) that lies less than BEYOND out of an area [m].
+
+    One side of that rectangle after the other cuts off what is behind it (Sutherland and Hodgman,
+    Reentrant polygon clipping, 1974).
+    """
+    for axis, edge, sign in zip((0, 0, 1, 1), area, (-1.0, 1.0, -1.0, 1.0), strict=True):
+        behind = sign * (polygon[:, axis] - edge) - 0.9 * BEYOND
+        if (behind <= 0.0).all():
+            continue
+        kept: list[Floats] = []
+        for here, there, a, b in zip(
+            polygon, np.roll(polygon, -1, axis=0), behind, np.roll(behind, -1), strict=True
+        ):
+            if a <= 0.0:
+                kept.append(here)
+            if (a <= 0.0) != (b <= 0.0):
+                kept.append(here + a / (a - b) * (there - here))
+        polygon = np.array(kept)
+    return polygon
 
 
 def _room_for(path: Path, case: Case) -> tuple[float, float]:

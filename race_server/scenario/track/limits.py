@@ -20,7 +20,6 @@ MOST_PLACES = 64
 MOST_GATES = 200
 MOST_SLOTS, MOST_ZONES, MOST_BLOCKS, MOST_PEOPLE = 1024, 32, 64, 32
 MOST_SLOT_ROWS = 64
-LEAST_ROUND_S, MOST_ROUND_S = 1.0, 3600.0  # of a round in a car park
 MOST_HALF_WIDTH = 100.0  # [m] of the asphalt beside a line
 # Two borders beside a line, and four sides of each obstacle.
 MOST_WALLS = 2 * MOST_SAMPLES + 4 * MOST_OBSTACLES
