@@ -73,6 +73,19 @@ def test_a_ring_is_as_long_and_as_wide_as_it_was_drawn(tmp_path: Path) -> None:
     assert errors_of(course, tmp_path) == []
 
 
+def test_the_start_lies_on_the_longest_straight_with_the_grid_behind_it(tmp_path: Path) -> None:
+    def stadium(x: Any, y: Any) -> Any:
+        return np.abs(np.hypot(np.maximum(np.abs(x) - 8.0, 0.0), y) - 4.0) < 1.5
+
+    course = imported(tmp_path, stadium, scale="1/10").course
+    x, y, heading, curvature = course.line[0]
+    assert abs(y) == pytest.approx(4.0, abs=0.1)
+    assert abs(curvature) < 0.02
+    # Of a lap of 57 m the 6.9 m behind it and the 2.3 m ahead lie on a straight of 16 m.
+    assert -8.1 + 6.9 < np.sign(np.cos(heading)) * x < 8.1 - 2.3
+    assert np.abs(course.grid[:8, 1]).min() > 3.0
+
+
 def test_the_line_leads_around_the_tip_of_a_wall_as_thin_as_a_pixel(tmp_path: Path) -> None:
     course = imported(tmp_path, hairpin).course
     # Two straights of 10 m, and two half circles at 1 m from the wall's ends.

@@ -21,6 +21,8 @@ MOST_POINTS = 1200
 MOST_MOVE = 0.5
 # Into an alcove a border is at most so far away, as a share of the nearest wall.
 ALCOVE = 1.5
+# The start lies where these shares of the lap, behind it for a grid and ahead, are straightest.
+BEHIND, AHEAD = 0.12, 0.04
 
 
 def points_in(occupancy: OccupancyMap, corridor: Corridor) -> Floats:
@@ -35,11 +37,20 @@ def points_in(occupancy: OccupancyMap, corridor: Corridor) -> Floats:
     line, clear = _smoothed(middle, clear, occupancy.file.resolution)
     if area_of(line) < 0.0:
         line, clear = line[::-1], clear[::-1]
+    start = straightest(line)
+    line, clear = np.roll(line, -start, axis=0), np.roll(clear, -start)
     heading, _ = derivatives(line)
     across = np.column_stack([-np.sin(heading), np.cos(heading)])
     reach = ALCOVE * float(clear.max())
     sides = [occupancy.ranges_to_walls(line, way, reach) for way in (across, -across)]
     return np.column_stack([line, *(np.minimum(side, ALCOVE * clear) for side in sides)])
+
+
+def straightest(line: Floats) -> int:
+    """Return the place of a closed line (N, 2) in equal steps at which it is best to start."""
+    behind, ahead = (round(share * len(line)) for share in (BEHIND, AHEAD))
+    chords = np.roll(line, -ahead, axis=0) - np.roll(line, behind, axis=0)
+    return int(np.argmax(np.hypot(*chords.T)))
 
 
 def _smoothed(middle: Floats, clear: Floats, step: float) -> tuple[Floats, Floats]:
