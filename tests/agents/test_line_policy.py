@@ -53,6 +53,16 @@ def test_before_the_start_and_after_the_finish_it_stands_for_as_long_as_it_takes
     assert (told[:, 2] == 1.0).all()
 
 
+def test_a_fast_kart_that_turns_more_than_its_bend_is_steered_against_it() -> None:
+    """On a straight the car may turn at 0 rad/s; its top speed is 10 m/s."""
+    slow, fast, calm = (
+        commands([0.1, 0.5, 0.0, 0.0], 1, speed=speed, yaw_rate=turning)[0, 0]
+        for speed, turning in ((6.9, 0.5), (9.0, 0.5), (9.0, 0.0))
+    )
+    assert slow == calm == pytest.approx(0.1)
+    assert fast < 0.0
+
+
 def test_a_kart_that_drives_does_what_the_network_says() -> None:
     told = commands([0.5, 1.0, 0.0, 0.0], 100, speed=2.0)
     assert (told[:, 1] == 1.0).all()

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
+from race_server.core.kernels.course import nearest_sample, nearest_sample_anywhere
 from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
 from race_server.scenario.track.check import check_course
@@ -21,6 +23,7 @@ from race_server.scenario.track.importers import Imported, import_course, map_be
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.occupancy_map import read_map
 from race_server.scenario.track.pixel_parts import parts_of
+from race_server.scenario.track.route import pack_route
 
 STEP = 0.1  # [m] of a pixel
 Drawing = Callable[[Any, Any], Any]  # from x, y [m] to whether it is free
@@ -285,3 +288,37 @@ def test_parts_of_a_map_are_those_that_a_flood_finds(mask: Any, diagonal: bool) 
 def test_an_imported_course_is_the_one_that_its_file_describes(tmp_path: Path) -> None:
     done = imported(tmp_path, ring)
     assert load_course(str(tmp_path / "course.toml")).digest == done.course.digest
+
+
+def bent_room(x: Any, y: Any) -> Any:
+    """A room around a corner, with a wall as bent as it in its middle."""
+    wide = (np.abs(x - 3.5) < 8.5) & (y > -1.5) & (y < 6.0)
+    deep = (x > 1.3) & (x < 12.0) & (y > -7.5) & (y < 6.0)
+    corners = np.array([[-0.4, 1.4], [4.6, 2.7], [5.3, -3.2]])
+    away = np.full(np.shape(x), np.inf)
+    for start, end in pairwise(corners):
+        way = end - start
+        share = np.clip(((x - start[0]) * way[0] + (y - start[1]) * way[1]) / (way @ way), 0.0, 1.0)
+        off = np.hypot(x - start[0] - share * way[0], y - start[1] - share * way[1])
+        away = np.minimum(away, off)
+    return (wide | deep) & (away > 0.15)
+
+
+def test_a_kart_that_keeps_close_to_a_bent_wall_goes_forwards_on_its_course(tmp_path: Path) -> None:
+    course = imported(tmp_path, bent_room, scale="1/10").course
+    turns = [(-0.9, 1.4), (-0.3, 0.9), (4.1, 2.0), (4.75, -3.2), (5.3, -3.7), (5.9, -3.2)]
+    turns += [(5.2, 2.7), (4.6, 3.3), (-0.5, 1.9), (-0.9, 1.4)]
+    once = np.concatenate([np.linspace(one, other, 80) for one, other in pairwise(turns)])
+    path = np.concatenate([once] * 3)
+    route = pack_route([course])
+    header = route.courses[0]
+    sample = nearest_sample_anywhere(route, header, *path[0])
+    way = 0.0
+    for x, y in path:
+        before, sample = sample, nearest_sample(route, header, x, y, sample)
+        gained = ((sample - before + 0.5 * len(course.line)) % len(course.line)) * course.spacing
+        gained -= 0.5 * course.length
+        assert gained > -1.0
+        way += gained
+    # Where the line is as near before a bend as behind it, it may be on either.
+    assert way == pytest.approx(3.0 * course.length, abs=6.0)

@@ -1,7 +1,13 @@
 """Where a point lies on a course: nearest sample, progress, lateral offset."""
 
+import math
+
 from race_server.core.kernels.jit import kernel
 from race_server.core.state import Record, Route
+
+# A point farther to a side of a sample than the border there, by this share of the width, is behind
+# a wall from it.
+BEHIND = 0.1
 
 
 @kernel
@@ -9,7 +15,18 @@ def nearest_sample(route: Route, course: Record, x: float, y: float, start: int)
     """Return the sample of the centre line nearest to a point, going downhill from `start`.
 
     course: COURSE; x, y: the point [m]; start: sample, from 0 to less than the course's count.
+    Downhill a kart that drives around the tip of a wall, while the centre line leads far around it,
+    would stay at a sample behind the wall; then it is sought among those that it is beside.
     """
+    index = _downhill(route, course, x, y, start)
+    if course.verge == 0.0 and not _is_beside(route, course, index, x, y):
+        return _nearest_beside(route, course, x, y, index)
+    return index
+
+
+@kernel
+def _downhill(route: Route, course: Record, x: float, y: float, start: int) -> int:
+    """Return the first sample from `start` on to which its neighbours are no nearer."""
     count, first = course.line_count, course.line_start
     index = start
     best = _square(route, first + index, x, y)
@@ -20,6 +37,26 @@ def nearest_sample(route: Route, course: Record, x: float, y: float, start: int)
             if not square < best:  # nor where a place is none (NaN), which would never end
                 break
             index, best = following, square
+    return index
+
+
+@kernel
+def _is_beside(route: Route, course: Record, sample: int, x: float, y: float) -> bool:
+    """Return whether no border lies between a point and a sample that it is abreast of."""
+    line = route.line[course.line_start + sample]
+    is_left = (y - line.y) * line.cos - (x - line.x) * line.sin > 0.0
+    room = (line.left if is_left else line.right) + BEHIND * (line.left + line.right)
+    return _square(route, course.line_start + sample, x, y) <= room * room
+
+
+@kernel
+def _nearest_beside(route: Route, course: Record, x: float, y: float, otherwise: int) -> int:
+    """Return the nearest sample that a point is beside; `otherwise` where it is beside none."""
+    index, best = otherwise, math.inf
+    for candidate in range(course.line_count):
+        square = _square(route, course.line_start + candidate, x, y)
+        if square < best and _is_beside(route, course, candidate, x, y):
+            index, best = candidate, square
     return index
 
 
