@@ -14,7 +14,10 @@ from race_server.core.observation import layout_of, offsets_of
 from race_server.core.vehicle_presets import TT02
 from race_server.core.vehicles import vehicle_record
 from race_server.scenario.race import Rules, Scenario
-from race_server.scenario.raceline.attach import with_line
+from race_server.scenario.raceline.attach import line_of
+from race_server.scenario.raceline.bounds import bounds_of
+from race_server.scenario.raceline.reference import reference_limit
+from race_server.scenario.raceline.turning_over import slowed
 from race_server.scenario.track.load import load_course
 from support.cockpits import alone
 from support.races import run_race
@@ -110,8 +113,11 @@ def test_a_policy_that_sees_the_line_is_slower_there_as_well() -> None:
 
 @pytest.mark.slow
 def test_a_corner_that_was_grazed_is_not_grazed_again() -> None:
-    scenario = Scenario(load_course("generated:spline:1000022"), karts=1)
-    laps = with_line(scenario, solve=True)
+    course, bounds = load_course("generated:spline:1000022"), bounds_of(TT02)
+    # The fastest lap of all, which keeps no more room where it is fast.
+    line = line_of(course, reference_limit(course, TT02).minimum_time)
+    speed = slowed(line.speed, line.curvature, line.spacing, TT02, bounds)
+    laps = Scenario(course, karts=1, line=replace(line, speed=speed))
     contacts = []
     for count in (1, 4):
         rules = Rules(laps=count, items=False)
