@@ -14,16 +14,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
 
-from race_server.core.kernels.course import nearest_sample, nearest_sample_anywhere
+from race_server.core import codes
+from race_server.core.kernels.course import nearest_sample_anywhere, progress_of
+from race_server.core.stages.progress import follow_course
 from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.errors import TrackError
+from race_server.scenario.race import Scenario, make_world
 from race_server.scenario.track.check import check_course
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.importers import Imported, import_course, map_beside
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.occupancy_map import read_map
 from race_server.scenario.track.pixel_parts import parts_of
-from race_server.scenario.track.route import pack_route
 
 STEP = 0.1  # [m] of a pixel
 Drawing = Callable[[Any, Any], Any]  # from x, y [m] to whether it is free
@@ -310,15 +312,22 @@ def test_a_kart_that_keeps_close_to_a_bent_wall_goes_forwards_on_its_course(tmp_
     turns += [(5.2, 2.7), (4.6, 3.3), (-0.5, 1.9), (-0.9, 1.4)]
     once = np.concatenate([np.linspace(one, other, 80) for one, other in pairwise(turns)])
     path = np.concatenate([once] * 3)
-    route = pack_route([course])
-    header = route.courses[0]
-    sample = nearest_sample_anywhere(route, header, *path[0])
-    way = 0.0
+    world = make_world(Scenario(course, karts=1))
+    header, body, racer = world.route.courses[0], world.bodies[0, 0], world.racers[0, 0]
+    body.status = codes.RACING
+    racer.line_index = nearest_sample_anywhere(world.route, header, *path[0])
+    racer.progress, _ = progress_of(world.route, header, *path[0], racer.line_index)
+    gates = world.route.gates["progress"]
+    racer.zone = int(np.searchsorted(gates, racer.progress, side="right")) - 1
+    racer.next_gate = (racer.zone + 1) % len(gates)
+    racer.started, racer.distance, least = 1, 0.0, 0.0
     for x, y in path:
-        before, sample = sample, nearest_sample(route, header, x, y, sample)
-        gained = ((sample - before + 0.5 * len(course.line)) % len(course.line)) * course.spacing
-        gained -= 0.5 * course.length
-        assert gained > -1.0
-        way += gained
+        before = float(racer.distance)
+        body.x, body.y = x, y
+        follow_course(world, 0)
+        least = min(least, float(racer.distance) - before)
+    assert least > -1.0
     # Where the line is as near before a bend as behind it, it may be on either.
-    assert way == pytest.approx(3.0 * course.length, abs=6.0)
+    assert racer.distance == pytest.approx(3.0 * course.length, abs=6.0)
+    assert racer.laps == 3
+    assert racer.penalty_us == 0

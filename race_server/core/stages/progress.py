@@ -57,22 +57,26 @@ def follow_course(world: World, w: int) -> None:
 def _cross_gates(world: World, w: int, k: int, course: Record, gained: float) -> None:
     """Find the zone that the kart is in now and count the gate it crossed on the way.
 
-    No kart drives past two gates in one tick: one that does has jumped, and the gates in
-    between do not count.
+    Where it may leave the asphalt, a kart that passes two gates in one tick has jumped, and those
+    in between do not count. Between walls it has driven around the tip of one, closer than the
+    centre line does, and all count.
     """
     racer = world.racers[w, k]
     gates = course.gate_count
     crossed = False
     for _ in range(gates):
         following = racer.zone + 1 if racer.zone + 1 < gates else 0
-        if gained >= 0.0 and 0.0 <= _past(world, course, racer.progress, following) <= gained:
+        past = _past(world, course, racer.progress, following)
+        if gained >= 0.0 and 0.0 <= past <= gained:
             racer.zone = following
             crossed = True
+            if course.verge == 0.0:
+                _cross(world, w, k, course, following, past, gained)
         elif gained < 0.0 and gained <= _past(world, course, racer.progress, racer.zone) < 0.0:
             racer.zone = racer.zone - 1 if racer.zone > 0 else gates - 1
         else:
             break
-    if crossed:
+    if crossed and course.verge > 0.0:
         past = _past(world, course, racer.progress, racer.zone)
         _cross(world, w, k, course, racer.zone, past, gained)
 
