@@ -10,6 +10,9 @@ from race_server.core.rules.parking import goes_to_slot
 from race_server.core.stages.events import penalise, report, report_lap
 from race_server.core.state import Record, World
 
+# Gates that a kart may pass in one tick between walls.
+MOST_PASSED = 2
+
 
 @kernel
 def has_line(world: World, w: int) -> bool:
@@ -57,28 +60,27 @@ def follow_course(world: World, w: int) -> None:
 def _cross_gates(world: World, w: int, k: int, course: Record, gained: float) -> None:
     """Find the zone that the kart is in now and count the gate it crossed on the way.
 
-    Where it may leave the asphalt, a kart that passes two gates in one tick has jumped, and those
-    in between do not count. Between walls it has driven around the tip of one, closer than the
-    centre line does, and all count.
+    A kart that passes two gates in one tick has jumped, and those in between do not count. Between
+    walls it may have driven around the tip of one, closer than the centre line does: two count.
     """
     racer = world.racers[w, k]
     gates = course.gate_count
-    crossed = False
+    passed = 0
     for _ in range(gates):
         following = racer.zone + 1 if racer.zone + 1 < gates else 0
-        past = _past(world, course, racer.progress, following)
-        if gained >= 0.0 and 0.0 <= past <= gained:
+        if gained >= 0.0 and 0.0 <= _past(world, course, racer.progress, following) <= gained:
             racer.zone = following
-            crossed = True
-            if course.verge == 0.0:
-                _cross(world, w, k, course, following, past, gained)
+            passed += 1
         elif gained < 0.0 and gained <= _past(world, course, racer.progress, racer.zone) < 0.0:
             racer.zone = racer.zone - 1 if racer.zone > 0 else gates - 1
         else:
             break
-    if crossed and course.verge > 0.0:
-        past = _past(world, course, racer.progress, racer.zone)
-        _cross(world, w, k, course, racer.zone, past, gained)
+    most = MOST_PASSED if course.verge == 0.0 else 1
+    counted = passed if passed <= most else 1
+    for back in range(counted):
+        gate = (racer.zone + gates - counted + 1 + back) % gates
+        past = _past(world, course, racer.progress, gate)
+        _cross(world, w, k, course, gate, past, gained)
 
 
 @kernel
