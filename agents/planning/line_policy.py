@@ -10,17 +10,16 @@ from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, SPEED, WRONG_WAY, escape
-from race_agents.planning.tracking import CURVATURE, STEP, at_distance, yaw_damping
+from race_agents.planning.tracking import CURVATURE, DELAY_S, STEP, at_distance, yaw_damping
 from race_agents.planning.traffic import wait_in_line
 from race_agents.planning.tyre_slip import YAW_RATE
 from race_server.core.kernel_driver import REVERSING, STANDING, Cockpit, Cockpits, cockpit_at
 from race_server.core.kernels.jit import kernel
 
-# Between these shares of the top speed the damping of the yaw rate begins, DAMPING times that of
-# the line's own controller. Few places of a training are as fast, and there a network lets the rear
-# axle slide further than it can catch it.
-FAST, FASTEST, DAMPING = 0.7, 0.8, 2.0
-DELAY_S = 0.05  # until the command acts
+# The damping of the yaw rate grows from nothing at the first of these shares of the top speed to
+# TIMES that of the line's own controller at the second. Few places of a training are as fast, and
+# there a network lets the rear axle slide further than it can catch it.
+FAST, FASTEST, TIMES = 0.7, 0.8, 2.0
 
 
 @kernel
@@ -43,7 +42,7 @@ def fast_damping(cockpit: Cockpit) -> float:
     ahead = DELAY_S * speed / max(observation[offsets[STEP]], 0.01)
     bend = at_distance(observation, offsets[CURVATURE], ahead)
     turning = observation[offsets[YAW_RATE]] - speed * bend
-    return min(share, 1.0) * DAMPING * yaw_damping(vehicle, speed) * turning
+    return min(share, 1.0) * TIMES * yaw_damping(vehicle, speed) * turning
 
 
 @kernel

@@ -54,7 +54,7 @@ def parking_scenario(
         level_named(level or course.lot.level),
     )
     if wanted.fits:
-        for fault in small_slots(course, driven):
+        for fault in small_slots(course, driven, wanted):
             raise ScenarioError(f"{course.name}: {fault}")
     return Scenario(
         course,

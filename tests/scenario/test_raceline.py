@@ -111,6 +111,7 @@ def test_the_limit_does_not_depend_on_where_the_centre_line_runs(tmp_path: Path)
 def test_a_lap_with_room_keeps_five_centimetres_more_at_ten_metres_a_second(
     tmp_path: Path,
 ) -> None:
+    pytest.importorskip("casadi")
     limit = reference_limit(ring(tmp_path, 15.0), TT02_FACTS)
     fastest, roomy = limit.minimum_time, limit.with_room
     speed = float(fastest.speed.mean())
@@ -120,6 +121,7 @@ def test_a_lap_with_room_keeps_five_centimetres_more_at_ten_metres_a_second(
 
 
 def test_a_lap_with_room_leaves_half_of_what_a_narrow_course_has(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
     bounds = bounds_of(TT02_FACTS)
     free = 0.02
     found = fastest_of(ring(tmp_path, 15.0, bounds.reach + free), bounds)

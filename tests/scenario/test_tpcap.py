@@ -236,3 +236,19 @@ def test_an_obstacle_is_counted_as_in_its_case(tmp_path: Path) -> None:
     flat = [[4.0, 5.0], [5.0, 5.0], [6.0, 5.0]]
     with pytest.raises(LotError, match="corners of obstacle 2 lie on one line; give it an area"):
         import_case(write(tmp_path, numbers(far, flat)), tmp_path / "t.toml", title="t")
+
+
+def test_an_obstacle_whose_box_alone_reaches_into_the_area_is_left_out(tmp_path: Path) -> None:
+    slanted = [[800.0, -900.0], [-900.0, -900.0], [-900.0, 800.0]]
+    lot = import_case(write(tmp_path, numbers(LEFT, slanted)), tmp_path / "t.toml", title="t")
+    assert len(lot.borders) == 4 + 4
+
+
+def test_a_goal_with_little_room_has_a_slot_that_the_car_fits_into(tmp_path: Path) -> None:
+    """A wall stands 3 cm beside the body; a slot has to be 5 cm wider than it."""
+    x, y, _ = GOAL
+    beside = y + 0.5 * CAR.width + 0.03
+    wall = [(x - 5.0, beside), (x + 2.0, beside), (x + 2.0, beside + 1.0), (x - 5.0, beside + 1.0)]
+    lot = import_case(write(tmp_path, numbers(wall)), tmp_path / "t.toml", title="t").lot
+    assert lot is not None
+    assert lot.slot_size[1] == pytest.approx(CAR.width + 0.05, abs=1e-3)

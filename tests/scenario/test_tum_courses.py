@@ -132,6 +132,11 @@ def test_a_tum_csv_becomes_a_course(tmp_path: Path) -> None:
     assert load_course(str(target)).digest == course.digest
 
 
+@pytest.mark.parametrize("remark", ["# x and y\n", "# y, x\n", "# x, y, made by hand\n"])
+def test_a_remark_of_few_words_names_no_columns(remark: str, tmp_path: Path) -> None:
+    assert course_of(tmp_path, remark + table()).length == pytest.approx(100.0 * np.pi, rel=0.001)
+
+
 def test_a_row_may_end_with_a_separator(tmp_path: Path) -> None:
     rows = "".join(f"{row},\n" for row in table().splitlines())
     assert course_of(tmp_path, rows).length == pytest.approx(100.0 * np.pi, rel=0.001)

@@ -69,6 +69,16 @@ def test_drivers_of_the_same_rank_are_not_compared() -> None:
     )
 
 
+def test_a_large_field_is_rated_as_a_small_one_is() -> None:
+    strengths = {f"driver {number}": 0.05 * number for number in range(64)}
+    rated = ratings(drawn(strengths, 200, seed=1))
+    held = sum(
+        rating.low < MEAN + POINTS * (strengths[rating.driver] - 0.05 * 31.5) < rating.high
+        for rating in rated
+    )
+    assert 57 <= held <= 64
+
+
 def test_drivers_that_never_met_are_compared_through_others() -> None:
     chain = [[("ann", 1), ("bob", 2)], [("bob", 1), ("cid", 2)]] * 20
     assert [rating.driver for rating in ratings(chain)] == ["ann", "bob", "cid"]

@@ -166,13 +166,18 @@ def _crashed(infos: Mapping[str, Any] | Sequence[Any], shape: tuple[int, ...]) -
     """
     if isinstance(infos, Mapping):
         told: Any = infos.get("crashed", False)
-    elif isinstance(infos, str | None) or not all(isinstance(one, Mapping) for one in infos):
+    elif not isinstance(infos, Sequence | np.ndarray) or not all(
+        isinstance(one, Mapping) for one in infos
+    ):
         raise ScenarioError(
             f"infos = {infos!r:.60}: give that of each step, a dict; a crash stands there"
         )
     else:
         told = [one.get("crashed", False) for one in infos]
-    crashed = np.asarray(told, np.bool_).astype(np.float64)
+    try:
+        crashed = np.asarray(told, np.bool_).astype(np.float64)
+    except ValueError as error:  # rows of several lengths
+        raise ScenarioError(f"infos: crashed = {told!r:.60}: give one truth value each") from error
     if crashed.shape not in {(), shape}:
         raise ScenarioError(
             f"{len(crashed)} infos for rewards of the shape {shape}: give one for each step"

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from race_server.core.level import Level
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.level import level_named
 from race_server.scenario.lot.footprint import Footprint, wall_under
@@ -18,7 +19,8 @@ EQUAL = 1e-9  # [m] of a sum of lengths that are rounded
 def faults_of(course: Course, vehicle: Vehicle) -> Iterator[str]:
     """Yield a sentence for everything that keeps a vehicle from parking in a car park."""
     yield from _missing(course)
-    yield from small_slots(course, vehicle)
+    assert course.lot is not None
+    yield from small_slots(course, vehicle, level_named(course.lot.level))
     yield from _hidden_slots(course)
     yield from _shared_slots(course)
     yield from _large_taken(course)
@@ -46,10 +48,10 @@ def _missing(course: Course) -> Iterator[str]:
             yield f"[{role}] count = {count}: give a zone with role = {role!r}"
 
 
-def small_slots(course: Course, vehicle: Vehicle) -> Iterator[str]:
-    """Yield a sentence for each size of slots that a vehicle does not fit into."""
+def small_slots(course: Course, vehicle: Vehicle, level: Level) -> Iterator[str]:
+    """Yield a sentence for each size of slots that a vehicle does not fit into as a level asks."""
     assert course.lot is not None
-    play = PLAY if level_named(course.lot.level).fits else 0.0
+    play = PLAY if level.fits else 0.0
     sizes = course.lot.slots[:, 3:] if len(course.lot.slots) else np.array([course.lot.slot_size])
     for length, width in dict.fromkeys(map(tuple, sizes.tolist())):
         whole = vehicle.overall_length, vehicle.overall_width

@@ -15,6 +15,7 @@ import numpy as np
 from race_server.core.vehicle_presets import CAR
 from race_server.errors import LotError
 from race_server.kept_file import write_together
+from race_server.scenario.lot.faults import PLAY
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import BEYOND, LEAST_SQUARE, MOST_CORNERS, MOST_ROWS, lot_of
 from race_server.scenario.lot.site import course_of_lot
@@ -36,8 +37,9 @@ LARGEST = 1e11  # of any number
 DECIMAL_COMMA = re.compile(r"[-+]?\d+(,\d+)?(e[-+]?\d+)?", re.IGNORECASE)
 # The area reaches this far beyond start and goal [m], as in the benchmark's own pictures.
 MARGIN = 8.0
-# Room around the vehicle in its slot [m], the most that obstacles leave.
-ROOMS = (0.15, 0.1, 0.05, 0.02, 0.005)
+# Room around the vehicle in its slot [m], the most that obstacles leave, or else the least that a
+# slot has to have: it may reach a little into an obstacle.
+ROOMS = (0.15, 0.1, 0.05, 0.5 * PLAY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,10 +185,9 @@ def _in_sight(path: Path, case: Case) -> Case:
     Raises:
         LotError: an obstacle that is left has no area, or its sides cross.
     """
-    x0, x1, y0, y1 = case.area
     near = []
     for number, polygon in enumerate(case.polygons, start=1):
-        if (polygon.min(axis=0) < (x1, y1)).all() and (polygon.max(axis=0) > (x0, y0)).all():
+        if _is_in(polygon, case.area):
             if len(crossings(segments_of(polygon), first_only=True)):
                 raise LotError(
                     f"{path}: the sides of obstacle {number} cross; give its corners in order"
@@ -195,8 +196,22 @@ def _in_sight(path: Path, case: Case) -> Case:
                 raise LotError(
                     f"{path}: the corners of obstacle {number} lie on one line; give it an area"
                 )
-            near.append(_cut(polygon, case.area))
+            cut = _cut(polygon, case.area)
+            if len(cut) > MOST_CORNERS:
+                raise LotError(
+                    f"{path}: obstacle {number} reaches far out of the area and has {len(cut)} "
+                    f"corners where it is cut off; at most {MOST_CORNERS} make one: split it"
+                )
+            if len(cut) > 2 and abs(area_of(cut)) >= LEAST_SQUARE and _is_in(cut, case.area):
+                near.append(cut)
     return replace(case, polygons=tuple(near))
+
+
+def _is_in(polygon: Floats, area: tuple[float, float, float, float]) -> bool:
+    """Return whether the box around a polygon (N, 2) reaches into an area [m]."""
+    x0, x1, y0, y1 = area
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    return bool((low < (x1, y1)).all() and (high > (x0, y0)).all())
 
 
 def _cut(polygon: Floats, area: tuple[float, float, float, float]) -> Floats:
@@ -217,7 +232,7 @@ def _cut(polygon: Floats, area: tuple[float, float, float, float]) -> Floats:
                 kept.append(here)
             if (a <= 0.0) != (b <= 0.0):
                 kept.append(here + a / (a - b) * (there - here))
-        polygon = np.array(kept)
+        polygon = np.array(kept).reshape(-1, 2)
     return polygon
 
 
@@ -235,8 +250,8 @@ def _room_for(path: Path, case: Case) -> tuple[float, float]:
             raise LotError(f"{path}: at the {name} the car of the benchmark touches {wall}")
     for room in ROOMS:
         if not wall_under(course, bodies["goal"].grown(room)):
-            return CAR.length + 2.0 * room, CAR.width + 2.0 * room
-    return CAR.length, CAR.width
+            break
+    return CAR.length + 2.0 * room, CAR.width + 2.0 * room
 
 
 _NO_LOT = Lot(np.zeros((0, 5)))

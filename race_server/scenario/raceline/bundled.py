@@ -1,9 +1,9 @@
 """Limits of the bundled tracks, which therefore need no solver.
 
 A file beside the tracks holds the solution, in single precision, and the frame that its lines lie
-in where that is not about the centre line. Its name is a digest of the track
-file and of the vehicle's limits, not of the code that solved it; a test compares the files with a
-fresh solution. Write them again with ``python -m race_server.scenario.raceline.export``.
+in where that is not about the centre line. Its name is a digest of the track file and of the
+vehicle's limits, not of the code that solved it; a test compares the files with a fresh solution.
+Write them again with ``python -m race_server.scenario.raceline.export``.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from race_server.scenario.raceline.solution import Solution, limit_of
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.load import own_tracks
 
-# Rows of a file: three for each line, and the speeds of the two of least time.
+# Rows of a file: three for each line, the speeds of the lap of minimum time and of that with room.
 _ROWS = 14
 # Rows of its frame, in order.
 _FRAME = ("progress", "x", "y", "heading", "curvature", "low", "high")

@@ -1,4 +1,7 @@
-"""A picture of the reference limit: four lines over the course, the fastest with its speed."""
+"""A picture of the reference limit: four lines over the course, the fastest with its speed.
+
+That with room is left out: it would lie on the fastest.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -134,9 +134,9 @@ def _frame(
 def _room(course: Course, line: Floats, stations: int, deepest: float) -> tuple[Floats, Floats]:
     """Return the free width [m] to the left and right of the stations (N,) along a line (M, 2).
 
-    It is the least that rays meet from half a step before a station to half a step behind it, one
-    for each sample of the course: the tip of a wall lies between two stations. They meet the
-    borders, or the edges of the asphalt where kerbs and grass lie beyond it.
+    It is the least that rays meet about a station, one for each sample of the course, each of which
+    some station looks at: the tip of a wall lies between two stations. They meet the borders, or
+    the edges of the asphalt where kerbs and grass lie beyond it.
     """
     walls = course.borders
     if course.kerb + course.grass > 0.0:

@@ -118,7 +118,10 @@ def fastest_in(frame: Frame, bounds: Bounds, search: Search = STRICT) -> Fastest
 
 
 def with_room(found: Fastest, bounds: Bounds) -> TimedLine:
-    """Return the lap of minimum time among those that keep more room the faster they are."""
+    """Return the lap of minimum time among those that keep more room where it is faster.
+
+    How fast it is there is read off the lap without room, which is returned where none is found.
+    """
     frame, best = found.frame, found.best
     inner = frame.narrowed(ROOM * best.speed**2, 0.5 * LEFT * (frame.high - frame.low))
     try:

@@ -282,12 +282,12 @@ def _borders_beside(plan: TrackSpec, line: Floats, heading: Floats, half_widths:
     left = border_beside(line, heading, half_widths[:, 0] + beyond)
     right = border_beside(line, heading, -half_widths[:, 1] - beyond)
     if min(len(left), len(right)) < 3:
-        widest, side = divmod(int(np.argmax(half_widths)), 2)
-        (x, y), width = line[widest], half_widths[widest, side] + beyond
-        raise TrackError(
-            f"{plan.name}: wider than its bends allow, up to {width:.2f} m on the "
-            f"{('left', 'right')[side]} near ({x:.2f}, {y:.2f}); make it narrower"
-        )
+        turn = np.sin(np.roll(heading, -1) - heading)[:, None] * (1.0, -1.0)
+        tight, side = divmod(int(np.argmax(half_widths * turn)), 2)
+        (x, y), width = line[tight], half_widths[tight, side] + beyond
+        where = f"on the {('left', 'right')[side]} near ({x:.2f}, {y:.2f})"
+        what = f"wider than its bends allow, up to {width:.2f} m {where}"
+        raise TrackError(f"{plan.name}: {what}; make it narrower")
     return np.concatenate([segments_of(left), segments_of(right)])
 
 

@@ -54,20 +54,22 @@ def find_corridor(occupancy: OccupancyMap) -> Corridor:
     large = np.flatnonzero(parts.sizes >= LEAST_SHARE * parts.sizes.sum())
     extents = {part: _extent(parts.of == part) for part in large}
     for group in (np.setdiff1d(large, touching), np.intersect1d(large, touching)):
-        found: list[tuple[float, Corridor]] = []
+        best: Corridor | None = None
+        islands: list[float] = []  # extents
         # No island is larger than what surrounds it.
         for part in sorted(group, key=lambda part: -extents[part]):
-            largest = max((extent for extent, _ in found), default=0.0)
+            largest = max(islands, default=0.0)
             if extents[part] > LOOP_SHARE * largest:
                 free = np.asarray(parts.of == part)
                 walls = parts_of(~free, name, diagonal=True)
                 outside = int(walls.of[0, 0])
                 island, extent = _largest_island(walls, outside)
                 if extent > LEAST_ISLAND * extents[part]:
-                    found.append((extent, Corridor(free, walls, outside, island)))
-        if found:
-            largest, best = max(found, key=lambda one: one[0])
-            others = sum(extent > LOOP_SHARE * largest for extent, _ in found) - 1
+                    islands.append(extent)
+                    if extent > largest:
+                        best = Corridor(free, walls, outside, island)
+        if best is not None:
+            others = sum(extent > LOOP_SHARE * max(islands) for extent in islands) - 1
             return replace(best, others=others)
     raise TrackError(f"{name}: the free space has no island in it: no closed corridor")
 

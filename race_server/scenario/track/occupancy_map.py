@@ -27,9 +27,10 @@ LEAST_STEP, MOST_STEP = 1e-3, 10.0  # [m] of a pixel
 MOST_PIXELS = 1 << 24
 OPAQUE = 128  # of 255; a pixel through which more is seen is not free
 RAY_STEP = 0.25  # pixels from one point of a ray to the next
-# Gaps in a wall up to this wide [m] are closed, and at least those of two pixels: pictures that are
-# drawn or scanned have such, and no vehicle passes them.
-GAP, LEAST_GAP = 0.1, 2
+# Gaps in a wall up to this wide [m] are closed, and those of two pixels: pictures that are drawn or
+# scanned have such. No vehicle passes the first; a map whose pixels are coarser shows no passage of
+# two.
+GAP = 0.1
 
 
 @dataclass(frozen=True)
@@ -201,8 +202,8 @@ def read_map(path: Path) -> OccupancyMap:
         levels = np.arange(256) / 255.0
         occupied = levels if map_file.negate else 1.0 - levels
     walls = ~((occupied < map_file.free_below)[grey] & opaque)
-    gap = max(int(GAP / map_file.resolution), LEAST_GAP)
-    free: Mask = ~np.pad(_closed(walls, gap // 2), 1, constant_values=True)
+    reach = max(math.ceil(0.5 * GAP / map_file.resolution - 1e-9), 1)
+    free: Mask = ~np.pad(_closed(walls, reach), 1, constant_values=True)
     return OccupancyMap(map_file, free)
 
 

@@ -45,7 +45,8 @@ def read_tum(path: Path) -> Floats:
     for number, line in enumerate(lines, start=1):
         text, _, comment = line.partition("#")
         place = f"{path}, line {number}"
-        if not rows and (named := _columns_in(text.strip() or comment, place)):
+        least = 2 if text.strip() else len(USUAL)  # words of a comment may be no columns
+        if not rows and (named := _columns_in(text.strip() or comment, place, least)):
             columns = named
         elif text.strip():
             rows.append(_row(text.strip(), columns, place))
@@ -68,14 +69,16 @@ def _words_in(text: str) -> list[str]:
     return words
 
 
-def _columns_in(text: str, place: str) -> Columns | None:
+def _columns_in(text: str, place: str, least: int) -> Columns | None:
     """Return where a line of names says that the four numbers stand, None if it names none.
+
+    least: names that it has.
 
     Raises:
         TrackError: it names places without widths.
     """
     names = _words_in(text)
-    if len(names) < 2 or not all(map(_COLUMN.fullmatch, names)):
+    if len(names) < least or not all(map(_COLUMN.fullmatch, names)):
         return None
     words = [re.findall("[a-z]+", name.lower()) for name in names]
     x, y = (next((n for n, one in enumerate(words) if one[:1] == [axis]), -1) for axis in "xy")

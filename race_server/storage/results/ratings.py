@@ -20,6 +20,7 @@ POINTS, MEAN = 400.0 / math.log(10.0), 1500.0
 INTERVAL = 1.96  # half-width of an interval of 95 %, in standard deviations
 MOST_STEPS, CLOSE = 200, 1e-9  # of Newton's method; the last step [1]
 LONGEST = 1.0  # of a step, so that it does not overshoot
+TOGETHER = 4096  # finishes that are summed up at a time
 
 Floats = NDArray[np.float64]
 
@@ -71,8 +72,8 @@ def _places(race: Sequence[tuple[str, int]]) -> dict[str, float]:
 def _choices(races: Sequence[Sequence[tuple[int, float]]]) -> tuple[NDArray[np.int64], Floats]:
     """Return each driver that finished with those behind it (m, widest race), how often (m,).
 
-    The first of a row finished before its others; -1 fills it up. Drivers with the same rank are
-    in no row together.
+    The first of a row finished before its others; -1 fills it up. No driver stands behind another
+    of the same rank.
     """
     counts = Counter(
         (one, *sorted(other for other, behind in race if behind > rank))
@@ -108,14 +109,16 @@ def _expected(
 ) -> tuple[Floats, Floats]:
     """Return how often each driver should have been next (n,), and the slope of it (n, n)."""
     count = len(strengths)
-    members = choices.clip(min=0)
-    chances = np.exp(strengths - strengths.max())[members] * (choices >= 0)
-    chances /= chances.sum(axis=1, keepdims=True)
-    often = weights[:, np.newaxis] * chances
-    next_ones = np.bincount(members.ravel(), often.ravel(), count)
-    pairs = members[:, :, np.newaxis] * count + members[:, np.newaxis, :]
-    both = often[:, :, np.newaxis] * chances[:, np.newaxis, :]
-    together = np.bincount(pairs.ravel(), both.ravel(), count * count).reshape(count, count)
+    powers = np.append(np.exp(strengths - strengths.max()), 0.0)  # of what fills up a row: none
+    next_ones, together = np.zeros(count), np.zeros((count, count))
+    for first in range(0, len(choices), TOGETHER):
+        rows = choices[first : first + TOGETHER]
+        chances = np.zeros((len(rows), count + 1))
+        np.put_along_axis(chances, rows, powers[rows], axis=1)
+        chances = chances[:, :count] / powers[rows].sum(axis=1, keepdims=True)
+        often = weights[first : first + TOGETHER, np.newaxis] * chances
+        next_ones += often.sum(axis=0)
+        together += chances.T @ often
     before = 1.0 / (1.0 + np.exp(-strengths))  # the win and the defeat before the races
     slope = np.diag(next_ones + 2.0 * before * (1.0 - before)) - together
     return next_ones + 2.0 * before, slope
