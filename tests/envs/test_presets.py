@@ -13,14 +13,23 @@ PRESETS = [name for name in envs.__all__ if name.endswith("_task")]
 
 
 def test_the_presets_are_these() -> None:
-    assert PRESETS == ["mixed_task", "race_task", "time_trial_task"]
+    assert PRESETS == ["mixed_task", "parking_task", "race_task", "time_trial_task"]
 
 
-@pytest.mark.parametrize("track", ["oval", "covapsy-train-2023"])
-@pytest.mark.parametrize("preset", PRESETS)
-def test_a_preset_is_reset_and_stepped_with_finite_observations(preset: str, track: str) -> None:
+PLACES = {"parking_task": ["generated:yard:1", "face-to-face"]}
+
+
+@pytest.mark.parametrize(
+    ("preset", "place"),
+    [
+        (preset, place)
+        for preset in PRESETS
+        for place in PLACES.get(preset, ["oval", "covapsy-train-2023"])
+    ],
+)
+def test_a_preset_is_reset_and_stepped_with_finite_observations(preset: str, place: str) -> None:
     make: Callable[[str], Task] = getattr(envs, preset)
-    karts = KartVectorEnv(make(track), worlds=2)
+    karts = KartVectorEnv(make(place), worlds=2)
     karts.action_space.seed(1)
     seen = [karts.reset(seed=1)[0]]
     for _ in range(3):

@@ -28,6 +28,7 @@ EXPORTED = [
     "env",
     "mixed_task",
     "parallel_env",
+    "parking_task",
     "race_task",
     "scenario_on",
     "task_on",
