@@ -10,9 +10,8 @@ from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, SPEED, WRONG_WAY, escape
-from race_agents.planning.tracking import CURVATURE, DELAY_S, STEP, at_distance, yaw_damping
+from race_agents.planning.tracking import DELAY_S, excess_yaw_rate, yaw_damping
 from race_agents.planning.traffic import wait_in_line
-from race_agents.planning.tyre_slip import YAW_RATE
 from race_server.core.kernel_driver import REVERSING, STANDING, Cockpit, Cockpits, cockpit_at
 from race_server.core.kernels.jit import kernel
 
@@ -34,14 +33,11 @@ def foresee_for_all(cockpits: Cockpits) -> None:
 @kernel
 def fast_damping(cockpit: Cockpit) -> float:
     """Return the steering [rad] against the yaw rate that a fast kart has more than its bend."""
-    observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
-    speed = observation[offsets[SPEED]]
+    vehicle, speed = cockpit.vehicle, cockpit.observation[cockpit.offsets[SPEED]]
     share = (speed / vehicle.top_speed - FAST) / (FASTEST - FAST)
     if share <= 0.0:
         return 0.0
-    ahead = DELAY_S * speed / max(observation[offsets[STEP]], 0.01)
-    bend = at_distance(observation, offsets[CURVATURE], ahead)
-    turning = observation[offsets[YAW_RATE]] - speed * bend
+    turning = excess_yaw_rate(cockpit, speed, DELAY_S)
     return min(share, 1.0) * TIMES * yaw_damping(vehicle, speed) * turning
 
 

@@ -232,9 +232,7 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     front_slip, rear_slip = slips_in(cockpit, speed, bend, force)
 
     # Errors once this decision acts. In a bend the body points inside by the rear axle's slip.
-    turning = observation[offsets[YAW_RATE]] - speed * at_distance(
-        observation, offsets[CURVATURE], speed * delay / step
-    )
+    turning = excess_yaw_rate(cockpit, speed, delay)
     heading = observation[offsets[HEADING]]
     drift = math.sin(heading + math.atan2(observation[offsets[LATERAL_SPEED]], speed))
     offset = observation[offsets[OFFSET]] - shift + speed * delay * drift
@@ -257,6 +255,15 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
         angle = min(max(angle, way - most), way + most)
     angle = take_up_play(cockpit.memory, angle, observation[offsets[STEERING]])
     return min(max(angle / vehicle.steering_limit, -1.0), 1.0)
+
+
+@kernel
+def excess_yaw_rate(cockpit: Cockpit, speed: float, delay: float) -> float:
+    """Return the yaw rate [rad/s] that a kart has more than the line's bend asks a delay [s] on."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    place = speed * delay / max(observation[offsets[STEP]], 0.01)
+    bend = at_distance(observation, offsets[CURVATURE], place)
+    return observation[offsets[YAW_RATE]] - speed * bend
 
 
 @kernel

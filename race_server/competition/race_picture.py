@@ -5,6 +5,7 @@ from pathlib import Path
 
 from race_server.competition.race_exam import RaceRow
 from race_server.pictures import save_and_close
+from race_server.storage.results.ratings import INTERVAL
 
 _INK, _BLUE = "#20242a", "#1565c0"
 _DOT = 3.0  # [pt]; smaller than the bounds about it
@@ -28,7 +29,7 @@ def draw_ratings(rows: Sequence[RaceRow], path: Path) -> None:
     for height, row in enumerate(rows):
         ratings.plot(row.rating_interval, (height, height), color=_INK, linewidth=1.2)
         ratings.plot(row.rating, height, "o", color=_BLUE, markersize=_DOT)
-        spread = 1.96 * row.place_error
+        spread = INTERVAL * row.place_error
         ends = (row.mean_place - spread, row.mean_place + spread)
         places.plot(ends, (height, height), color=_INK, linewidth=1.2)
         places.plot(row.mean_place, height, "o", color=_BLUE, markersize=_DOT)

@@ -29,8 +29,6 @@ SMOOTHING_OF_RADIUS = 0.35
 DEEPEST, DEEPEST_BESIDE = 24.0, 48.0
 # A lap of several kilometres has wide bends and gets longer steps: it is solved in seconds.
 MOST_STATIONS = 1200
-# Points whose rays look for walls together, among those that are near to any of them.
-TOGETHER = 64
 
 
 @dataclass(frozen=True)
@@ -146,22 +144,10 @@ def _room(course: Course, line: Floats, stations: int, deepest: float) -> tuple[
     across = _across(derivatives(points)[0])
     about = np.arange(stations)[:, np.newaxis] * rays + np.arange(-(rays // 2), rays // 2 + 1)
     left, right = (
-        _ranges(walls, points, way, deepest)[about % len(points)].min(axis=1)
+        ranges_to(walls, points, way, deepest)[about % len(points)].min(axis=1)
         for way in (across, -across)
     )
     return left, right
-
-
-def _ranges(walls: Floats, points: Floats, ways: Floats, deepest: float) -> Floats:
-    """Return how far [m] walls (K, 4) are from points (N, 2) along ways, `deepest` at most."""
-    low, high = np.minimum(walls[:, :2], walls[:, 2:]), np.maximum(walls[:, :2], walls[:, 2:])
-    ranges = np.empty(len(points))
-    for first in range(0, len(points), TOGETHER):
-        rows = slice(first, first + TOGETHER)
-        near = np.all(low <= points[rows].max(axis=0) + deepest, axis=1)
-        near &= np.all(high >= points[rows].min(axis=0) - deepest, axis=1)
-        ranges[rows] = ranges_to(walls[near], points[rows], ways[rows]) if near.any() else deepest
-    return np.minimum(ranges, deepest)
 
 
 def _asphalt(course: Course, points: Floats, heading: Floats, own: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ from race_server.errors import TrackError
 from race_server.scenario.track.blocks import HALF_THICKNESS, Loop, lay
 from race_server.scenario.track.borders import border_beside
 from race_server.scenario.track.course import Course, Floats, Obstacle
-from race_server.scenario.track.limits import MOST_PLACES, check_length
+from race_server.scenario.track.limits import LEAST_POINTS, MOST_PLACES, check_length
 from race_server.scenario.track.lot import Lot
 from race_server.scenario.track.medial import medial_line
 from race_server.scenario.track.polyline import (
@@ -170,8 +170,7 @@ def _reach_across(left: Floats, right: Floats, line: Floats) -> Floats:
     across = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     sides = []
     for walls, way in ((left, across), (right, -across)):
-        nearest = nearest_on(walls, line)[0]
-        sides.append(np.minimum(ranges_to(walls, line, way), 1.5 * nearest))
+        sides.append(ranges_to(walls, line, way, 1.5 * nearest_on(walls, line)[0]))
     return np.column_stack(sides)
 
 
@@ -190,8 +189,9 @@ def _start_near(line: Floats, point: tuple[float, float] | None) -> Floats:
 
 def _from_points(plan: TrackSpec, scale: TrackScale) -> Floats:
     points = plan.points
-    if len(points) < 4:
-        raise TrackError(f"{plan.name}: {len(points)} points make no course; give 4 or more")
+    if len(points) < LEAST_POINTS:
+        what = f"{len(points)} points make no course; give {LEAST_POINTS} or more"
+        raise TrackError(f"{plan.name}: {what}")
     steps = np.hypot(*(np.roll(points, -1, axis=0) - points)[:, :2].T)
     if steps.min() < 1e-6:
         index = int(np.argmin(steps))

@@ -12,7 +12,7 @@ from race_server.scenario.track.lot import Lot
 
 # Of the centre line: 8 km for karts, 819 m for cars of 1/10. Such a course is built in a minute.
 MOST_SAMPLES = 1 << 14
-MOST_POINTS = 4096  # that a line is drawn through
+LEAST_POINTS, MOST_POINTS = 4, 4096  # that a line is drawn through
 MOST_PIECES = 256  # of a border that is laid from blocks
 MOST_OBSTACLES = MOST_STARTS = 256
 MOST_ITEMS = 1024

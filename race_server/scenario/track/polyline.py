@@ -121,22 +121,34 @@ def _nearest_of(segments: Floats, points: Floats) -> tuple[Floats, Floats]:
     return np.sqrt(square[best]), points - np.column_stack([x[best], y[best]])
 
 
-def ranges_to(segments: Floats, points: Floats, ways: Floats) -> Floats:
-    """Return how far along its direction each point meets a set of segments, or infinity.
+def ranges_to(segments: Floats, points: Floats, ways: Floats, most: Floats | float) -> Floats:
+    """Return how far along its direction each point meets a set of segments, at most `most` [m].
 
-    points, ways: (N, 2), ways of length one.
+    points, ways: (N, 2), ways of length one; most: for all points, or (N,). Points that follow one
+    another are near to each other, and only segments near to some of them are looked at.
     """
-    along = segments[:, 2:] - segments[:, :2]
+    low = np.minimum(segments[:, :2], segments[:, 2:])
+    high = np.maximum(segments[:, :2], segments[:, 2:])
+    reach = np.broadcast_to(most, len(points))
     ranges = np.empty(len(points))
-    for rows in _parts(len(points), len(segments)):
-        offset, way = segments[:, :2] - points[rows, None, :], ways[rows]
-        cross = way[:, 0, None] * along[:, 1] - way[:, 1, None] * along[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (offset[:, :, 0] * way[:, 1, None] - offset[:, :, 1] * way[:, 0, None]) / cross
-            ahead = (offset[:, :, 0] * along[:, 1] - offset[:, :, 1] * along[:, 0]) / cross
-        met = (share >= 0.0) & (share <= 1.0) & (ahead >= 0.0)
-        ranges[rows] = np.min(np.where(met, ahead, np.inf), axis=1)
-    return ranges
+    for first in range(0, len(points), RUN):
+        rows = slice(first, first + RUN)
+        here, far = points[rows], reach[rows].max()
+        near = np.all((low <= here.max(axis=0) + far) & (high >= here.min(axis=0) - far), axis=1)
+        ranges[rows] = _ranges(segments[near], here, ways[rows])
+    return np.minimum(ranges, reach)
+
+
+def _ranges(segments: Floats, points: Floats, ways: Floats) -> Floats:
+    """Return how far along its direction each point meets a set of segments, or infinity."""
+    along = segments[:, 2:] - segments[:, :2]
+    offset = segments[:, :2] - points[:, None, :]
+    cross = ways[:, 0, None] * along[:, 1] - ways[:, 1, None] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (offset[:, :, 0] * ways[:, 1, None] - offset[:, :, 1] * ways[:, 0, None]) / cross
+        ahead = (offset[:, :, 0] * along[:, 1] - offset[:, :, 1] * along[:, 0]) / cross
+    met = (share >= 0.0) & (share <= 1.0) & (ahead >= 0.0)
+    return np.asarray(np.min(np.where(met, ahead, np.inf), axis=1, initial=np.inf))
 
 
 def _parts(points: int, segments: int) -> Iterator[slice]:

@@ -14,7 +14,12 @@ from race_server.errors import TrackError
 from race_server.scenario.text_files import read_text
 from race_server.scenario.toml_reader import FARTHEST
 from race_server.scenario.track.course import Floats
-from race_server.scenario.track.limits import MOST_HALF_WIDTH, MOST_POINTS, check_count
+from race_server.scenario.track.limits import (
+    LEAST_POINTS,
+    MOST_HALF_WIDTH,
+    MOST_POINTS,
+    check_count,
+)
 from race_server.scenario.track.polyline import lengths_of
 
 # Of the largest course, with more columns than are read.
@@ -26,7 +31,6 @@ SAME_SHARE, SAME = 0.05, 2e-4
 Columns = tuple[int, int, int, int]
 USUAL: Columns = (0, 1, 2, 3)
 _NAMES = ("x", "y", "width right", "width left")
-LEAST_POINTS = 4
 # The name of a column, with its unit perhaps; that of a table's numbers may be empty.
 _COLUMN = re.compile(r"(\w+\s*([\[(].*[\])])?)?")
 

@@ -98,7 +98,6 @@ def _fit(choices: NDArray[np.int64], weights: Floats, drivers: int) -> tuple[Flo
         strengths += step * min(1.0, LONGEST / max(longest, CLOSE))
         if longest < CLOSE:
             break
-    _, curvature = _expected(strengths, choices, weights)
     beside_mean = np.eye(drivers) - 1.0 / drivers
     covariance = beside_mean @ np.linalg.inv(curvature) @ beside_mean
     return strengths - strengths.mean(), np.sqrt(np.diag(covariance))
