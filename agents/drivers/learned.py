@@ -21,10 +21,12 @@ from race_server.core.driver import Briefing, driver_named
 from race_server.core.kernel_driver import (
     ACTED,
     ASIDE,
+    DECISION,
     FETCH,
     Cockpits,
     KernelDriver,
     cockpit_at,
+    elapsed_s,
     item_uses_of,
     memory_size,
 )
@@ -154,8 +156,7 @@ class Learned:
             self._prepare(observation.layout)
         seat = self._seats[observation.layout.preset]
         if seat is not self._seat:
-            # What it remembers is of before.
-            seat.cockpits.memory[...] = 0.0
+            seat.forget()
             self._seat = seat
         return seat.decide(observation)
 
@@ -245,9 +246,18 @@ class Seat:
             np.zeros((1, 1, 4)),
         )
         self._drive = driver.driving(self.cockpits, layout)
+        self._decision_s, self._tick = decision_s, -1  # the tick of the last decision
+
+    def forget(self) -> None:
+        """Forget the decisions so far, the last of which may be long ago."""
+        self.cockpits.memory[...] = 0.0
+        self._tick = -1
 
     def decide(self, observation: Observation) -> Control:
         """Return what to do until the next decision."""
+        setup = self.cockpits.setup
+        setup[DECISION] = elapsed_s(self._tick, observation.tick, self._decision_s)
+        self._tick = observation.tick
         self.cockpits.observations[0, 0] = observation.values
         self._drive()
         steering, throttle, brake, buttons = self.cockpits.controls[0, 0].tolist()

@@ -119,6 +119,16 @@ def cockpit_for(briefing: Briefing, layout: Layout) -> Cockpit:
     return Cockpit(**(lists | {"vehicle": briefing.vehicle}))
 
 
+def elapsed_s(last: int, tick: int, regular: float) -> float:
+    """Return the time since the last decision [s]; a bad network makes it a long one.
+
+    What a driver counts, such as the time that it stands, would otherwise go too slowly.
+    last: its tick, negative before the first; regular: [s] from one decision to the next.
+    """
+    elapsed = (tick - last) * TICK_S
+    return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
+
+
 class KernelDriver:
     """A driver that decides in a kernel.
 
@@ -144,7 +154,9 @@ class KernelDriver:
     def act(self, observation: Observation) -> Control:
         """Return what to do until the next observation."""
         cockpit = self._cockpit or self.prepare(observation.layout)
-        cockpit.setup[DECISION] = self._elapsed_s(observation.tick)
+        regular = self._briefing.decision_s
+        cockpit.setup[DECISION] = elapsed_s(self._tick, observation.tick, regular)
+        self._tick = observation.tick
         values: Any = observation.values
         cockpit.observation[:] = values.tolist() if INTERPRET else values
         self._drive()
@@ -156,16 +168,6 @@ class KernelDriver:
         cockpit = self._cockpit or self.prepare(observation.layout)
         for place, value in zip(range(ASIDE, FETCH + 1), advice, strict=True):
             cockpit.memory[place] = value
-
-    def _elapsed_s(self, tick: int) -> float:
-        """Return the time since the last decision [s]; a bad network makes it a long one.
-
-        What a driver counts, such as the time that it stands, would otherwise go too slowly.
-        """
-        last, self._tick = self._tick, tick
-        regular = self._briefing.decision_s
-        elapsed = (tick - last) * TICK_S
-        return min(elapsed, LONGEST_S) if last >= 0 and elapsed > 1.5 * regular else regular
 
     def prepare(self, layout: Layout) -> Cockpit:
         """Compile what decides, if it is not; the first decision does so by itself."""

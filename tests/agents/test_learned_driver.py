@@ -15,6 +15,7 @@ import pytest
 
 from race_agents.drivers.learned import Learned
 from race_agents.planning.line_view import LAYOUT
+from race_agents.planning.traffic import NOWHERE
 from race_agents.policies.metadata import KEY
 from race_agents.policies.registry import SHIPPED
 from race_agents.policies.session import Policy
@@ -23,7 +24,7 @@ from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
-from race_server.core.observation import Observation, layout_of
+from race_server.core.observation import AHEAD, Observation, layout_of
 from race_server.core.vehicle_presets import KART_13, KART_60
 from race_server.envs.batch import Batch
 from race_server.envs.presets import LEARNING_RULES, task_on
@@ -259,3 +260,18 @@ def test_laps_of_a_policy_are_recorded(policy_file: Path, tmp_path: Path) -> Non
     assert made is not None
     assert [path.name for path in tmp_path.iterdir()] == ["laps.mcap"]
     assert read_recording(made).is_complete
+
+
+@pytest.mark.parametrize(("ticks", "decisions"), [(3, 13), (9, 5), (18, 3)])
+def test_a_kart_that_is_stuck_backs_out_after_0_6_s_however_seldom_it_is_asked(
+    ticks: int, decisions: int
+) -> None:
+    driver = Learned("full")
+    driver.reset(briefing(driver.preset))
+    layout = layout_of(driver.preset, 0)
+    stuck = np.zeros(layout.size, np.float32)
+    stuck[layout.slices["line_step"]] = 0.2
+    stuck[layout.slices["line_ahead_x"]] = 0.2 * np.arange(AHEAD)
+    stuck[layout.slices["karts_x"]] = NOWHERE
+    told = [driver.act(Observation(ticks * turn, layout, stuck)).throttle for turn in range(20)]
+    assert told.index(-1.0) == decisions
