@@ -20,7 +20,7 @@ from race_agents.planning.tyre_slip import (
     slip_share,
     slips_in,
 )
-from race_server.core.kernel_driver import DECISION, Cockpit
+from race_server.core.kernel_driver import ATTEMPTS, DECISION, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, BRAKE_SHARE, PART_NUMBERS
 from race_server.core.state import Floats, Record
@@ -62,9 +62,11 @@ DELAY_S, DELAY_SHARE = 0.05, 0.1
 FREQUENCY, STIFF_FREQUENCY, DAMPING, YAW_DAMPING = 10.0, 6.5, 0.9, 0.6
 # What is added at least to the damping of the yaw rate [1/s].
 YAW_RATE_DAMPING = 8.0
-# An offset is never closed at a steeper angle [rad] than this, nor faster than what this share of
-# the grip brings to rest on the line.
+# An offset is never closed at a steeper angle, of this sine, nor faster than what this share of the
+# grip brings to rest on the line. Each attempt to get free adds to the sine, up to a bound: a kart
+# that stands at a wall between it and the line comes past its end so.
 STEEPEST, JOINING = 0.35, 0.4
+STEEPER, STEEPEST_OF_ALL = 0.3, 0.95
 # Square of the share of the grip that brakes have in any bend.
 LEAST_BRAKES = 0.05
 # Share of the slip at which a tyre slides altogether that the front wheels may have.
@@ -240,7 +242,8 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     look = 2.0 * DAMPING * speed / frequency
     gain = frequency * frequency * wheelbase / max(speed * speed, 4.0)
     closing = math.sqrt(2.0 * JOINING * grip_of(cockpit) * abs(offset))  # [m/s] across the line
-    most = look * min(STEEPEST, closing / speed)
+    steepest = min(STEEPEST + STEEPER * cockpit.memory[ATTEMPTS], STEEPEST_OF_ALL)
+    most = look * min(steepest, closing / speed)
     offset = min(max(offset, -most), most)
     angle = math.atan(wheelbase * bend) + front_slip - rear_slip
     angle -= gain * (offset + look * math.sin(heading))

@@ -15,14 +15,14 @@ from race_agents.planning.latency import (
     steering_play,
     take_up_play,
 )
-from race_agents.planning.tracking import speed_on_line
+from race_agents.planning.tracking import speed_on_line, steering_on_line
 from race_agents.planning.tyre_slip import rear_effort, tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
 from race_server.competition.time_trial.gaps import GAPS, Gap
 from race_server.competition.time_trial.run import drive_run
 from race_server.competition.time_trial.run_spec import RunSpec
-from race_server.core.kernel_driver import Cockpit, memory_size
+from race_server.core.kernel_driver import ATTEMPTS, Cockpit, cockpit_for, memory_size
 from race_server.core.messages import Status
 from race_server.core.observation import PART_NUMBERS, layout_of, offsets_of
 from race_server.core.vehicle_presets import KART_60, TT02
@@ -33,6 +33,7 @@ from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.raceline.reference import reference_limit
 from race_server.scenario.track.load import load_course
 from race_server.session.session import Session
+from support.briefings import briefing
 from support.courses import SMALL_RING, ring
 from support.races import run_race
 
@@ -279,3 +280,26 @@ def test_a_loose_and_late_steering_touches_nothing(driver: str, gap: str) -> Non
     limit = reference_limit(load_course(cell.track), TT02).minimum_time.time_s
     assert lap.is_clean
     assert lap.time_s < 1.07 * limit
+
+
+@pytest.mark.parametrize(("attempts", "sine"), [(0.0, 0.35), (1.0, 0.65), (2.0, 0.95), (9.0, 0.95)])
+def test_each_attempt_to_get_free_lets_a_kart_come_back_to_its_line_more_steeply(
+    attempts: float, sine: float
+) -> None:
+    """A metre left of a straight line it turns right until the sine of its angle is this."""
+    too_flat, too_steep = (
+        steering_at(attempts, line_offset=1.0, line_heading=-math.asin(sine) * share)
+        for share in (0.9, 1.1)
+    )
+    assert too_flat < 0.0 < too_steep
+
+
+def steering_at(attempts: float, **seen: float) -> float:
+    """Return how a kart that stands steers. seen: first numbers of parts of its observation."""
+    layout = layout_of("line", 0)
+    cockpit = cockpit_for(briefing("line"), layout)
+    cockpit.memory[ATTEMPTS] = attempts
+    cockpit.observation[layout.slices["line_step"]] = 0.2
+    for name, value in seen.items():
+        cockpit.observation[layout.slices[name].start] = value
+    return steering_on_line(cockpit, 0.0, 0.0)
