@@ -3,22 +3,33 @@
 It is shown the line slower where it came too near to a border before, and what it will see once its
 command acts, where commands act late. What it answers is damped where it is fast, turned further
 where the steering has play, and gives way to the way out of a jam: no network here counts how long
-it has stood.
+it has stood, and one that drives into the same wall again has no other answer to it.
 """
 
 from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
+from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, SPEED, WRONG_WAY, escape
 from race_agents.planning.tracking import DELAY_S, excess_yaw_rate, yaw_damping
 from race_agents.planning.traffic import wait_in_line
-from race_server.core.kernel_driver import REVERSING, STANDING, Cockpit, Cockpits, cockpit_at
+from race_server.core.kernel_driver import (
+    ATTEMPTS,
+    REVERSING,
+    STANDING,
+    Cockpit,
+    Cockpits,
+    cockpit_at,
+)
 from race_server.core.kernels.jit import kernel
 
 # The damping of the yaw rate grows from nothing at the first of these shares of the top speed to
 # TIMES that of the line's own controller at the second. Few places of a training are as fast, and
 # there a network lets the rear axle slide further than it can catch it.
 FAST, FASTEST, TIMES = 0.7, 0.8, 2.0
+# From this attempt to get free on, until it is forgotten, a kart goes back to its line as
+# `raceline` does.
+HELPED_FROM = 2.0
 
 
 @kernel
@@ -45,18 +56,27 @@ def fast_damping(cockpit: Cockpit) -> float:
 def remember_for_all(cockpits: Cockpits) -> None:
     """Take up play, get karts free that are stuck, and remember what all are told to do."""
     for row in range(len(cockpits.seats)):
-        cockpit = cockpit_at(cockpits, row)
-        observation, offsets = cockpit.observation, cockpit.offsets
-        control, limit = cockpit.control, cockpit.vehicle.steering_limit
-        now = observation[offsets[STEERING]]
-        angle = control[0] * limit - fast_damping(cockpit)
-        steering = take_up_play(cockpit.memory, angle, now) / limit
-        control[0] = min(max(steering, -1.0), 1.0)
-        must_stand = observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0
-        if must_stand or observation[offsets[WRONG_WAY]] > 0.0:
-            # A network that is turned round may turn back by itself.
-            cockpit.memory[STANDING] = cockpit.memory[REVERSING] = 0.0
-        else:
-            wait_in_line(cockpit)
-            escape(cockpit)
-        remember_command(cockpit.memory, control)
+        remember(cockpit_at(cockpits, row))
+
+
+@kernel
+def remember(cockpit: Cockpit) -> None:
+    """Take up play, get a kart free that is stuck, and remember what it is told to do."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    memory, control, limit = cockpit.memory, cockpit.control, cockpit.vehicle.steering_limit
+    angle = control[0] * limit - fast_damping(cockpit)
+    steering = take_up_play(memory, angle, observation[offsets[STEERING]]) / limit
+    control[0] = min(max(steering, -1.0), 1.0)
+    must_stand = observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0
+    if must_stand or observation[offsets[WRONG_WAY]] > 0.0:
+        # A network that is turned round may turn back by itself.
+        memory[STANDING] = memory[REVERSING] = 0.0
+    elif memory[ATTEMPTS] >= HELPED_FROM:
+        buttons = control[3]
+        drive_in_lane(cockpit, 0.0)
+        control[3] = buttons
+        return
+    else:
+        wait_in_line(cockpit)
+        escape(cockpit)
+    remember_command(memory, control)

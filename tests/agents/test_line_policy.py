@@ -42,6 +42,15 @@ def test_after_standing_for_0_6_s_it_backs_out_with_its_wheels_turned_the_other_
     assert told[14, :3].tolist() == [-1.0, -1.0, 0.0]
 
 
+def test_after_its_second_attempt_it_goes_back_to_its_line_whatever_the_network_says() -> None:
+    """A metre left of a straight line; it backs out for 0.6 s, then for 0.8 s."""
+    told = commands([0.5, 1.0, 0.0, 2.0], 60, line_offset=1.0, line_speed_ahead=3.0)
+    assert told[26, 0] == 0.5
+    assert told[40:52, 1].tolist() == [-1.0] * 12
+    assert told[56, 0] < 0.0 < told[56, 1]
+    assert (told[:, 3] == 2.0).all()
+
+
 def test_the_button_that_it_holds_stays_down_meanwhile() -> None:
     assert (commands([0.5, 1.0, 0.0, 2.0], 20)[:, 3] == 2.0).all()
 
