@@ -19,6 +19,7 @@ from race_server.cli.outcome import show_result
 from race_server.competition.event_spec import (
     EventSpec,
     begin_event,
+    check_free,
     file_name,
     is_part_of,
     put_away,
@@ -105,6 +106,10 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         with _survived(log, "races go on without recordings") if replaces else nullcontext():
             logbook = stack.enter_context(_logbook(service.record, service.session, log))
         keeper = Keeper(writer) if writer else None
+        if logbook and fresh and not replaces:
+            put_away(logbook.folder, logbook.session, log)
+        elif logbook and service.event is None and not replaces:
+            check_free(logbook.folder, logbook.session)
         race, resumed = _resumed(service, logbook, keeper, log, fresh=fresh) or (None, None)
         is_single = service.once and service.event is None
         if replaces and is_single and race is None and _is_driven(service, logbook, log):
@@ -144,9 +149,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         if service.event is None:
             _serve_single_races(server, service, log, resumed)
             return
-        if fresh and not replaces:
-            put_away(service.event, file_name(server), log)
-        _serve_events(server, service, service.event, log, resumed)
+        _serve_event(server, service, service.event, log, resumed)
 
 
 Resumed = tuple[Recording, list[Event]]
@@ -169,14 +172,18 @@ def _serve_single_races(
         server.reopen()
 
 
-def _serve_events(
+def _serve_event(
     server: RaceServer,
     service: Service,
     spec: EventSpec,
     log: Log,
     resumed: Resumed | None,
 ) -> None:
-    """Serve one event after the other until stopped; one that has begun goes on."""
+    """Serve an event, one that has begun to its end; its tables stay until the server is stopped.
+
+    No other one begins by itself: drivers that are still there would drive it, and its result would
+    take the place of this one's.
+    """
 
     def publish(day: Day, state: EventState) -> None:
         if service.result is not None:
@@ -190,15 +197,13 @@ def _serve_events(
 
     seats, name = len(server.session.seats), file_name(server)
     awaited = min(service.awaited, seats)
-    while not server.is_stopped:
-        state = unfinished_event(spec, name, seats, log) or begin_event(server, spec, awaited)
-        if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
-            return
-        resumed = None
-        if service.once:
-            server.see_off(service.review)
-            return
-        server.reopen()
+    state = unfinished_event(spec, name, seats, log) or begin_event(server, spec, awaited)
+    if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
+        return
+    server.see_off(service.review)
+    if not service.once:
+        log.say("the event is over: the page shows it until Ctrl-C", name=state.name)
+        server.lobby.wait_until(lambda: False)
 
 
 def _is_driven(service: Service, logbook: Logbook | None, log: Log) -> bool:

@@ -125,6 +125,23 @@ def unfinished_event(spec: EventSpec, name: str, seats: int, log: Log) -> EventS
     return state
 
 
+def check_free(folder: Path, name: str) -> None:
+    """Check that single races take no drivers away from an event that is not over.
+
+    name: of its file, see `file_name`.
+
+    Raises:
+        ScenarioError: one has begun, or its file cannot be read.
+    """
+    state = EventFile(folder, name).read()
+    if state is not None:
+        raise ScenarioError(
+            f"the event {state.name} is not over, {len(state.records)} of {state.plan().drives()} "
+            f"driven: go on with --format {state.format.name}, name another --session, or put it "
+            "aside with --fresh"
+        )
+
+
 def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:
     """Return whether a race that is not over is one of the event that is not over.
 
@@ -137,13 +154,15 @@ def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:
     return state is not None and occasion is not None and occasion.event == state.name
 
 
-def put_away(spec: EventSpec, name: str, log: Log) -> None:
+def put_away(folder: Path, name: str, log: Log) -> None:
     """Keep an event that has begun under another name, so that another one begins.
+
+    name: of its file, see `file_name`.
 
     Raises:
         ScenarioError: its file cannot be moved.
     """
-    file = EventFile(spec.folder, name)
+    file = EventFile(folder, name)
     try:
         try:
             state = file.read()

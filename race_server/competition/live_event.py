@@ -94,7 +94,7 @@ class LiveEvent:
         self._save()
         self._board.show(self.day, EventPhase.OVER)
         self._changed(self.day, self.state)
-        server.session.is_event = server.session.keeps_seats = False
+        server.session.is_event = False  # drivers go home; no other ones get their seats
         return True
 
     def _drive(self, drive: Drive) -> RaceRecord | None:
@@ -116,6 +116,11 @@ class LiveEvent:
         self._save()  # with whom stewards sent away
         if server.is_stopped:
             return None
+        if self._are_all_gone():
+            self._log.warn("no driver is there: the event waits for one", drive=drive.title)
+            self._board.show(self.day, EventPhase.CALLED)
+            server.lobby.wait_until(lambda: not self._are_all_gone())
+            return self._drive(drive)
         there = [seat.number for seat in seats if seat.is_present]
         if not there:
             return self._with_missing(RaceRecord("", ()), drive)
@@ -127,6 +132,12 @@ class LiveEvent:
         record = self._recorded(drive)
         server.reopen()
         return record
+
+    def _are_all_gone(self) -> bool:
+        """Return whether no driver is there of those that may come: after a kill, perhaps."""
+        seats = self._server.session.seats
+        left = [seat for seat in seats.taken() if not seats.is_sent_away(seat.number)]
+        return bool(left) and not any(seat.is_present for seat in left)
 
     def _is_ready(self, seat: Seat) -> bool:
         is_inside = seat.number in self._server.local_drivers

@@ -9,6 +9,7 @@ import pytest
 
 from race_server.competition.event_spec import (
     begin_event,
+    check_free,
     is_part_of,
     put_away,
     unfinished_event,
@@ -127,12 +128,20 @@ def test_a_review_in_which_the_server_was_killed_begins_again_and_one_that_is_ov
 def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> None:
     served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
     day = served.run(gone=1)
+    assert served.awaited == []
     rows = day.ledger.trials()[0].rows
     assert [row.team for row in rows] == ["raceline", "follow_gap"]
     assert [drive.remark for drive in rows[1].attempts] == [
         "did not start: not there 0.2 s after the call"
     ] * 2
     assert [row.place for row in day.ledger.classification()] == [1, 0]
+
+
+def test_an_event_without_any_driver_waits_for_one_and_calls_again(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path), ("raceline",))
+    (row,) = served.run(gone=0).ledger.trials()[0].rows
+    assert served.awaited == [0]
+    assert [drive.place for drive in row.attempts] == [1, 1]
 
 
 @pytest.mark.parametrize(
@@ -261,6 +270,18 @@ def test_an_event_of_another_format_is_not_gone_on_with(tmp_path: Path) -> None:
         unfinished_event(spec_of(tmp_path, EVENING), "cup", 2, Log())
 
 
+def test_single_races_take_no_drivers_away_from_an_event_that_is_not_over(tmp_path: Path) -> None:
+    check_free(tmp_path, "cup")
+    served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60, race=1)
+    with pytest.raises(ScenarioError, match="1 of 4 driven: go on with --format time-trial"):
+        check_free(tmp_path, "cup")
+    check_free(tmp_path, "practice")
+    served.run()
+    check_free(tmp_path, "cup")
+
+
 def test_an_event_is_not_gone_on_with_on_fewer_seats_than_it_has_drivers_on(
     tmp_path: Path,
 ) -> None:
@@ -281,7 +302,7 @@ def test_a_race_that_is_not_over_is_part_of_the_event_until_that_is_put_away(
         recording = book.unfinished()
     assert recording is not None
     assert is_part_of(served.spec, "cup", recording)
-    put_away(served.spec, "cup", Log())
+    put_away(served.spec.folder, "cup", Log())
     assert not is_part_of(served.spec, "cup", recording)
     (path,) = files_of(tmp_path)
     assert not read_event(path).is_final
@@ -293,9 +314,9 @@ def test_an_event_that_cannot_be_read_is_put_aside_and_another_one_begins(tmp_pa
         path.write_text("{}")
         with pytest.raises(ScenarioError, match="begin another event with --fresh"):
             unfinished_event(spec, "cup", 2, Log())
-        put_away(spec, "cup", Log())
+        put_away(spec.folder, "cup", Log())
         assert unfinished_event(spec, "cup", 2, Log()) is None
-    put_away(spec, "cup", Log())  # where there is none
+    put_away(spec.folder, "cup", Log())  # where there is none
     kept = ["cup.unreadable-2.event.json", "cup.unreadable.event.json"]
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
 

@@ -1,5 +1,7 @@
 """An event server in lock-step, whose process may end at any moment."""
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -56,6 +58,7 @@ class Served:
     def __init__(self, spec: EventSpec, drivers: tuple[str, ...]) -> None:
         self.spec, self.drivers = spec, drivers
         self.said: list[str] = []
+        self.awaited: list[int] = []  # seats that came back once nobody was there
         self.reviews: list[int] = []  # after how many attempts and races
 
     @staticmethod
@@ -141,6 +144,18 @@ class Served:
         if gone >= 0:
             server.session.keeps_seats = True
             server.session.drop(gone)
+            self._come_back_when_awaited(server, gone)
+
+    def _come_back_when_awaited(self, server: RaceServer, seat: int) -> None:
+        wait = server.lobby.wait_until
+
+        def waited(is_so: Callable[[], bool], timeout_s: float = math.inf) -> bool:
+            if timeout_s == math.inf:
+                self.awaited.append(seat)
+                server.session.come_back(seat)
+            return wait(is_so, timeout_s)
+
+        server.lobby.wait_until = waited  # type: ignore[method-assign]
 
     def _note_reviews(self, event: LiveEvent, *, kill_in_review: bool) -> None:
         show = event._board.show

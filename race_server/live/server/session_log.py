@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from race_server.core import codes
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.messages import Phase
+from race_server.core.messages import Phase, Status
 from race_server.live.server.counters import Counters
 from race_server.live.server.result import RaceResult
 from race_server.live.server.timing import ServerTiming
@@ -59,7 +59,8 @@ class SessionLog:
             driver = seat.driver if seat.is_taken else ""
             who = driver or known.driver
             if driver != known.driver:
-                log.say("joined" if driver else "left", seat=seat.number, driver=who)
+                came = "joined" if seat.is_present else "expected back"
+                log.say(came if driver else "left", seat=seat.number, driver=who)
             elif driver and seat.is_present != known.is_present:
                 if seat.is_present:
                     log.say("came back", seat=seat.number, driver=who)
@@ -94,7 +95,13 @@ class SessionLog:
                 "race ended",
                 epoch=self._session.epoch,
                 seconds=round(result.ticks / TICKS_PER_SECOND, 1),
-                winner=result.standings[0].driver if result.standings else "nobody",
+                first=_first_in(result),
                 missed_ticks=result.missed_ticks,
                 refused=sum(result.refused.values()),
             )
+
+
+def _first_in(result: RaceResult) -> str:
+    """Return the driver who won, "none" where a race has ended before anyone finished."""
+    rows = result.standings
+    return rows[0].driver if rows and rows[0].status is Status.FINISHED else "none"
