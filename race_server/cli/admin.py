@@ -58,12 +58,14 @@ def resume(keys: KeysFolder = None, connect: Connect = "", session: SessionName 
 @app.command()
 def penalty(
     seat: SeatNumber,
-    seconds: Annotated[float, typer.Option(help="Seconds to add to the race time.")] = 5.0,
+    seconds: Annotated[
+        float, typer.Option(help="Seconds to add to the race time; -5 takes 5 of them back.")
+    ] = 5.0,
     keys: KeysFolder = None,
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
-    """Penalise a seat with seconds on its race time."""
+    """Penalise a seat with seconds on its race time, or take some back."""
     _decide("penalty", keys, connect, session, seat=seat, value=seconds)
 
 
@@ -109,7 +111,7 @@ def dismiss(
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
-    """Dismiss a protest: the result stays as it is."""
+    """Dismiss a protest: the result stays as it is, or becomes again what it was."""
     _decide("dismiss", keys, connect, session, protest=number)
 
 
@@ -199,7 +201,7 @@ def restart(keys: KeysFolder = None, connect: Connect = "", session: SessionName
 
 @app.command("log")
 def show_log(keys: KeysFolder = None, connect: Connect = "", session: SessionName = "") -> None:
-    """List the decisions of stewards: when, who, what."""
+    """List the decisions of stewards since the server started; its log has those of before."""
     steward, link = _steward(keys, connect, session)
     with link:
         for line in steward.log():
@@ -213,6 +215,8 @@ def _decide(
     session: str,
     **what: int | float | str,
 ) -> None:
+    if wrong := [value for value in what.values() if value != value]:
+        raise SeatError(f"{wrong[0]} is no number of seconds")
     steward, link = _steward(keys, connect, session)
     with link:
         say(steward.decide(act, **what))

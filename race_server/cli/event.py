@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.options import Language
@@ -84,6 +85,8 @@ def _print_event(day: "Day", state: "EventState", console: Console, language: st
         say = language_of(language)
         coming = f", {say('next')}: {title_in(day.next.title, say)}" if day.next else ""
         console.print(f"{say('provisional')}{coming}", style="dim", soft_wrap=True)
+        seats = ", ".join(f"{one.seat} {one.team}" for one in state.entrants)
+        console.print(Text(f"{say('seats')}: {seats}", style="dim"), soft_wrap=True)
 
 
 @app.command("list")

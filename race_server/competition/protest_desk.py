@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from race_server.competition.event_state import EventState
 from race_server.competition.race_day.day import Day
-from race_server.competition.race_day.protest import DISQUALIFIED, OPEN, Protest
+from race_server.competition.race_day.protest import DISMISSED, DISQUALIFIED, OPEN, Protest
 from race_server.errors import Reason, SeatError
 from race_server.storage.results.keeper import Keeper, utc_now
 from race_server.storage.results.store import Correction
@@ -80,17 +80,28 @@ class ProtestDesk:
     def decide(self, number: int, verdict: str, seconds: float, who: str) -> str:
         """Decide a protest, and return a sentence on it. seconds: on the time, where upheld.
 
-        verdict: UPHELD, DISQUALIFIED or DISMISSED.
+        verdict: UPHELD, DISQUALIFIED or DISMISSED, which takes an earlier decision back while the
+        result may still change.
 
         Raises:
-            SeatError: there is no such protest, or it is decided.
+            SeatError: there is no such protest, or its decision stands.
         """
         day = self._day
         found = next((one for one in day.protests if one.number == number), None)
-        if found is None or found.verdict != OPEN:
-            decided = f"protest {number} is decided: {found.outcome}" if found else ""
-            raise SeatError(decided or f"there is no protest {number}", Reason.DECISION)
-        return f"protest {number} {self._rule(found, verdict, seconds, who).outcome}"
+        if found is None:
+            known = ", ".join(str(one.number) for one in day.protests) or "none"
+            raise SeatError(f"there is no protest {number}; known: {known}", Reason.DECISION)
+        if found.verdict == OPEN:
+            return f"protest {number} {self._rule(found, verdict, seconds, who).outcome}"
+        may_change = day.driven[found.drive].block == self.block
+        if found.verdict == DISMISSED or verdict != DISMISSED or not may_change:
+            way_out = "; to dismiss it takes that back" if may_change else ""
+            way_out = way_out if found.verdict != DISMISSED else ""
+            raise SeatError(
+                f"protest {number} is decided: {found.outcome}{way_out}", Reason.DECISION
+            )
+        self._rule(found, DISMISSED, 0.0, who)
+        return f"protest {number} dismissed, {found.outcome} taken back"
 
     def _rule(self, protest: Protest, verdict: str, seconds: float, who: str) -> Protest:
         """Put a protest with its decision in the place of the one without."""
@@ -104,9 +115,9 @@ class ProtestDesk:
         return ruled
 
     def correct(self, drive: int) -> None:
-        """Change a result in the results file, where protests about it were upheld."""
+        """Change a result in the results file to what decisions on protests make of it."""
         result = self._day.results[drive]
-        if self._keeper is None or result is self._day.records[drive]:
+        if self._keeper is None:
             return
         rows = tuple(
             (place, one.time_us, one.penalty_us, self._seats[one.team])

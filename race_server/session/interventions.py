@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from race_server.core import codes
-from race_server.core.stages.events import penalise
+from race_server.core.stages.events import penalise, report
 from race_server.core.state import World
 from race_server.core.step import remove, show_flag, withdraw
 from race_server.session.parking import send_to
@@ -20,7 +20,7 @@ class InterventionKind(IntEnum):
 
     WITHDRAW = 1  # a kart is out of the race
     FLAG = 2  # value: Flag
-    PENALTY = 3  # value: [s] that the stewards add to a kart's race time
+    PENALTY = 3  # value: [s] that the stewards add to a kart's race time; below 0: take back
     CLOSE = 4  # no driver may take a kart's seat; value: 1 where its driver was sent away
     OPEN = 5  # it may be taken again
     CLOCK = 6  # value: 1 the clock stands, 0 it goes on
@@ -69,7 +69,14 @@ def _show_flag(world: World, _: int, flag: float) -> None:
 
 
 def _penalise(world: World, kart: int, seconds: float) -> None:
-    penalise(world, 0, kart, round(seconds * 1e6), codes.EVENT_PENALTY)
+    racer, given_us = world.racers[0, kart], round(seconds * 1e6)
+    if given_us >= 0:
+        penalise(world, 0, kart, given_us, codes.EVENT_PENALTY)
+        return
+    back_us = min(-given_us, int(racer.penalty_us))
+    racer.penalties = max(int(racer.penalties) - 1, 0)
+    racer.penalty_us -= back_us
+    report(world, 0, codes.EVENT_PENALTY, kart, codes.EVENT_PENALTY, -back_us)
 
 
 def _park(world: World, kart: int, slot: float) -> None:

@@ -2,13 +2,15 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from race_server.cli.event import app, newest_event
-from race_server.competition.event_state import Entrant, EventFile, EventState
+from race_server.competition.event_state import Entrant, EventFile, EventState, read_event
+from race_server.competition.race_day.protest import UPHELD, Protest
 from race_server.competition.race_day.record import RaceRecord, TeamResult
 from race_server.errors import ScenarioError
 from support.served_event import TRIAL
@@ -64,6 +66,22 @@ def test_the_newest_event_of_a_session_is_not_that_of_another_whose_name_begins_
     mine.rename(over)
     assert newest_event(str(tmp_path), "cup") == over
     assert newest_event(str(tmp_path)) == others[-1]
+
+
+def test_in_a_narrow_terminal_protests_keep_their_numbers_and_decisions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path, "cup")
+    why = "cut the chicane in lap 2 and again in lap 3, on the inside of both cones"
+    title = "Time trial: Anna, attempt 1"
+    protest = Protest(12, 0, title, "", "Anna", why, "2026-11-23T18:00", UPHELD, 5.0)
+    EventFile(tmp_path, "cup").write(replace(read_event(path), protests=(protest,)))
+    monkeypatch.setenv("COLUMNS", "60")
+    text = shown(tmp_path, "show")
+    assert "…" not in text
+    (row,) = [line for line in text.splitlines() if line.startswith("12 ")]
+    assert "upheld" in row
+    assert "seats: 0 Anna" in text
 
 
 def test_a_damaged_event_hides_no_other(tmp_path: Path) -> None:

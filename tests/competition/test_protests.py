@@ -121,6 +121,28 @@ def test_a_protest_may_end_in_disqualification() -> None:
     assert [one.place for one in desk._day.results[2].drives] == [1, 0]
 
 
+@pytest.mark.parametrize(
+    ("verdict", "outcome"), [(UPHELD, "upheld, +5 s"), (DISQUALIFIED, DISQUALIFIED)]
+)
+def test_to_dismiss_a_decided_protest_takes_its_decision_back_until_the_stage_is_closed(
+    verdict: str, outcome: str
+) -> None:
+    desk = desk_after(*attempts(), RACE)
+    desk.lodge(1, 0, "cut")
+    desk.decide(1, verdict, 5.0 if verdict == UPHELD else 0.0, "marshal")
+    with pytest.raises(SeatError, match="to dismiss it takes that back"):
+        desk.decide(1, UPHELD, 9.0, "marshal")
+    block, desk.block = desk.block, ""
+    with pytest.raises(SeatError, match=r"is decided: [^;]*$"):
+        desk.decide(1, DISMISSED, 0.0, "marshal")
+    desk.block = block
+    said = desk.decide(1, DISMISSED, 0.0, "marshal")
+    assert said == f"protest 1 dismissed, {outcome} taken back"
+    assert desk._day.results == desk._day.records
+    with pytest.raises(SeatError, match="there is no protest 2; known: 1"):
+        desk.decide(2, DISMISSED, 0.0, "marshal")
+
+
 def test_a_result_is_not_protested_against_once_its_stage_is_closed() -> None:
     desk = desk_after(*attempts())
     desk.block = ""

@@ -47,11 +47,13 @@ class Incidents:
                     self._seen[event.kart] = Fault(event.value)
             elif event.kind is EventKind.PENALTY:
                 cause = EventKind(event.other).name.lower().replace("_", " ")
-                words = f"+{seconds_of(event.value):g} s {cause}"
+                if event.value < 0:
+                    cause += " taken back"
+                words = f"{seconds_of(event.value):+g} s {cause}"
                 self._punished.setdefault(event.kart, []).append(words)
                 if event.other == EventKind.PENALTY:
                     given_us = self._stewards_us.get(event.kart, 0) + event.value
-                    self._stewards_us[event.kart] = given_us
+                    self._stewards_us[event.kart] = max(given_us, 0)
             elif event.kind is EventKind.LAP:
                 faults = self._faults.pop(event.kart, [])
                 if event.detail == Cleanness.UNCLEAN:

@@ -52,7 +52,8 @@ def _table(shown: DayTable) -> Table:
         table.add_column(
             head,
             justify="left" if is_words else "right",
-            no_wrap=column != "remarks",
+            overflow="fold",
+            no_wrap=not is_words,  # in a narrow terminal words take more lines, and figures stay
             style="dim" if column == "remarks" else "",
         )
     for row in shown.rows:

@@ -70,7 +70,8 @@ class RaceServer:
         self._yardstick = Yardstick(session, inside, self.valet if self.measures else "")
         out = session, self.link, self._persistence
         self._publisher = Publisher(*out, orders_s=timing.orders_s, ways=self._wheels.ways)
-        self._steward = Steward(session, self.token, self._penalise_late, self._wheels.park)
+        late, park = self._penalise_late, self._wheels.park
+        self._steward = Steward(session, self.token, late, park, self.log)
         refused, announced = self.counters.refused, self._persistence.announced
         self._requests = RequestHandler(
             session, self.link, self._steward, self._wheels, refused, announced, timing.show_up_s

@@ -53,7 +53,10 @@ class RaceResult:
         for row in self.standings:
             if row.seat == seat:
                 return row.driver
-        raise SeatError(f"no driver raced on seat {seat} in the last race")
+        raise SeatError(
+            f"no driver raced on seat {seat} in the last race; in an event protests are about "
+            "earlier ones"
+        )
 
     def amended(self, table: list[Standing], events: list[Event]) -> "RaceResult":
         """Return the result with ranks, times and penalties as they are now.

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from race_server.core.messages import Fault, Flag
 from race_server.errors import Reason, SeatError
+from race_server.logs import Log
 from race_server.net.wire.admin import Decision
 from race_server.session.session import Session
 
@@ -47,16 +48,18 @@ class Steward:
         token: str,
         penalise_late: Callable[[int, float], str] = _refuse_late,
         park: Callable[[int, int], None] = _refuse_to_park,
+        log: Log | None = None,
     ) -> None:
         """Obey a client that shows the token.
 
         token: "" for no steward. penalise_late: changes the result of a race that is over, and
-        returns the driver's name. park: has the vehicle of a seat parked in a slot.
+        returns the driver's name. park: has the vehicle of a seat parked in a slot. log: outlives
+        this server, whose own lines go with it.
         """
         self._session = session
         self._park_seat = park
         self._penalise_late = penalise_late
-        self._token = token
+        self._token, self._log = token, log
         self.challenge = secrets.randbits(63) | 1
         self.lines: deque[str] = deque(maxlen=MOST_LINES)
         self.wants_restart = False
@@ -96,6 +99,8 @@ class Steward:
         when = datetime.now(UTC).isoformat(timespec="milliseconds")
         who = decision.who or "steward"
         self.lines.append(f"{when} tick {self._session.tick} {who}: {sentence}")
+        if self._log is not None:
+            self._log.say("decided", sentence=sentence, by=who, tick=self._session.tick)
 
     def _flag(self, decision: Decision) -> str:
         self._need_race()
@@ -155,9 +160,28 @@ class Steward:
                 Reason.DECISION,
             )
 
+    def _check_taken_back(self, seat: int, seconds: float) -> None:
+        """Check that a seat has as many seconds of penalties.
+
+        Raises:
+            SeatError: it has fewer.
+        """
+        taken = 0 <= seat < len(self._session.seats)
+        held_s = self._session.world.racers[0, seat].penalty_us / 1e6 if taken else 0.0
+        if not 0.0 < seconds <= held_s:
+            raise SeatError(
+                f"{seconds:g} s of penalties taken back: seat {seat} has {held_s:g} s",
+                Reason.DECISION,
+            )
+
     def _penalty(self, decision: Decision) -> str:
-        self._check_penalty(decision.value)
-        sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
+        """Give a penalty; one below 0 takes as many seconds back."""
+        if decision.value < 0.0:
+            self._check_taken_back(decision.seat, -decision.value)
+            sentence = f"{-decision.value:g} s of penalties taken back from seat {decision.seat}"
+        else:
+            self._check_penalty(decision.value)
+            sentence = f"{decision.value:g} s penalty for seat {decision.seat}"
         if not self._session.is_on:
             driver = self._penalise_late(decision.seat, decision.value)
             return f"{sentence}, {driver}, after the race"
