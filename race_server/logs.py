@@ -166,3 +166,20 @@ def last_words(log: Path, lines: int = 1) -> str:
     """Return the last lines of a log file, as a person reads them."""
     said = [line for line in log.read_text(errors="replace").splitlines() if line.strip()]
     return " / ".join(words_of(line) for line in said[-lines:]) or "it said nothing"
+
+
+def warnings_in(log: Path) -> list[str]:
+    """Return the warnings in a log file that are whole sentences: those with facts are of drivers.
+
+    Each of them once.
+    """
+    found = []
+    for line in log.read_text(errors="replace").splitlines():
+        try:
+            words = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(words, dict) and words.keys() == {"timestamp", "level", "event"}:
+            if words["level"] == "warning":
+                found.append(str(words["event"]))
+    return list(dict.fromkeys(found))

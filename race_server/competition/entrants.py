@@ -58,25 +58,18 @@ def known_entrants(path: Path) -> dict[str, int]:
 def read_entrants(path: Path, known: dict[str, int]) -> Import:
     """Return the entrants of a CSV file together with those that are known.
 
-    A row without a number gets the lowest that is free.
+    A row without a number gets the lowest that is free; one without both is left out.
 
     Raises:
-        ScenarioError: the file cannot be read, or lacks the columns.
+        ScenarioError: the file cannot be read, or has no column of names.
     """
-    text = read_text(path, MOST_BYTES, ScenarioError)
-    try:
-        table = csv.DictReader(io.StringIO(text), strict=True)
-        columns = set(table.fieldnames or ())
-        rows = list(table)
-    except csv.Error as error:
-        raise ScenarioError(f"{path}: no CSV: {error}") from error
-    if not set(COLUMNS) <= columns:
-        raise ScenarioError(f"{path}: its first row must name the columns number and name")
     entrants, faults = dict(known), []
     seen: dict[str, int] = {}
     waiting = []
-    for line, row in enumerate(rows, start=2):
-        name, digits = text_in((row["name"] or "").strip()), (row["number"] or "").strip()
+    for line, row in _rows_of(path):
+        name, digits = text_in((row["name"] or "").strip()), (row.get("number") or "").strip()
+        if not name and not digits:
+            continue
         fault = _fault(name, digits, entrants, seen)
         if fault:
             faults.append(f"row {line}: {fault}")
@@ -95,10 +88,37 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     return Import(entrants, len(entrants) - len(known), tuple(faults))
 
 
+def _rows_of(path: Path) -> list[tuple[int, dict[str, str | None]]]:
+    """Return the rows of a CSV file, each with the line on which it ends.
+
+    Cells are apart by what is most frequent in the first row: commas, semicolons or tabulators.
+
+    Raises:
+        ScenarioError: it cannot be read, or its first row names no column `name`.
+    """
+    text = read_text(path, MOST_BYTES, ScenarioError)
+    first = text.partition("\n")[0]
+    table = csv.DictReader(
+        io.StringIO(text), strict=True, delimiter=max(",;\t", key=first.count), restkey=""
+    )
+    try:
+        names = [name.strip().lower() for name in table.fieldnames or ()]
+        if "name" not in names or ("number" not in names and len(names) > 1):
+            raise ScenarioError(
+                f"{path}: its first row has {', '.join(names) or 'nothing'}: it must name the "
+                "columns number and name"
+            )
+        table.fieldnames = names
+        return [(table.line_num, row) for row in table]
+    except csv.Error as error:
+        raise ScenarioError(f"{path}: no CSV after line {table.line_num}: {error}") from error
+
+
 def _fault(name: str, digits: str, entrants: dict[str, int], seen: dict[str, int]) -> str:
     """Return what is wrong with a row, "" for nothing."""
     wrong = fault_of_name(name) if name else ""
     if wrong or not 0 < len(name) <= MOST_NAME:
+        wrong = wrong or (f"{len(name)} characters" if name else "")
         has = f" has {wrong}" if wrong else ""
         return f"name {name[:MOST_NAME]!r}{has}: give 1 to {MOST_NAME} printable characters"
     if name in seen:

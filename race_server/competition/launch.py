@@ -25,7 +25,7 @@ from race_server.core.messages import Event, EventKind, Flag, Phase
 from race_server.errors import LinkError, RaceError
 from race_server.live.client.leaderboard import Headline, event_text, leaderboard
 from race_server.live.client.spectator import Spectator
-from race_server.logs import last_words
+from race_server.logs import last_words, warnings_in
 from race_server.net.transport import ClientLink
 from race_server.net.wire.spectate import StandingsFrame
 from race_server.terminal import Console
@@ -168,7 +168,8 @@ class RaceSpec:
 def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
     """Run a race to its end and return the document that the server writes.
 
-    `stopped` in it says whether Ctrl-C ended the race before its end.
+    `stopped` in it says whether Ctrl-C ended the race before its end, `warnings` what the server
+    could not do, such as record it; they are printed, too.
 
     Raises:
         RaceError: the server cannot start, or ends without a result.
@@ -191,7 +192,10 @@ def run_race(plan: RaceSpec, console: Console) -> dict[str, Any]:
                 raise KeyboardInterrupt
             raise RaceError(f"the race ended without a result: {last_words(log_path)}")
         document: dict[str, Any] = json.loads(result.read_text())
-        return {**document, "stopped": stopped}
+        warnings = warnings_in(log_path)
+        for sentence in warnings:
+            console.print(Text(sentence, style="yellow"), soft_wrap=True)
+        return {**document, "stopped": stopped, "warnings": warnings}
 
 
 def _start_drivers(plan: RaceSpec, group: ProcessGroup, log: Any) -> None:

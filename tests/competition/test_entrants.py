@@ -68,8 +68,33 @@ def test_a_number_of_thousands_of_digits_is_a_wrong_row(tmp_path: Path) -> None:
 def test_a_table_without_the_columns_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "new.csv"
     path.write_text("nr;name\n1;Anna\n")
-    with pytest.raises(ScenarioError, match="must name the columns number and name"):
+    with pytest.raises(ScenarioError, match="has nr, name: it must name the columns number and"):
         read_entrants(path, {})
+    path.write_text('number,name\n1,Anna\n2,"Bert\n')
+    with pytest.raises(ScenarioError, match="no CSV after line 2: unexpected end of data"):
+        read_entrants(path, {})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "number;name\r\n1;Anna\r\n2;Bert\r\n;;\r\n",  # as spreadsheets write it in Europe
+        "Number\t Name\n1\tAnna\n2\tBert\n",
+        "name\nAnna\n\n\nBert\n",
+        "number,name,club\n1,Anna\n2,Bert,B,C\n,,\n",
+    ],
+)
+def test_a_table_of_any_spreadsheet_is_read(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "new.csv"
+    path.write_text(text)
+    found = read_entrants(path, {})
+    assert (found.entrants, found.faults) == ({"Anna": 1, "Bert": 2}, ())
+
+
+def test_a_wrong_row_is_found_by_its_line_in_the_file(tmp_path: Path) -> None:
+    assert faults_of(tmp_path / "new.csv", "1,Bert", "", "", f"5,{'x' * 300}") == (
+        f"row 5: name '{'x' * 32}' has 300 characters: give 1 to 32 printable characters",
+    )
 
 
 def test_the_command_takes_over_all_rows_or_none(

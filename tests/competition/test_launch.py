@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from race_server.cli.main import app
 from race_server.competition import launch
 from race_server.core.messages import Phase
+from race_server.logs import Log, warnings_in
 
 LAUNCH = """
 import subprocess, time
@@ -51,6 +53,18 @@ def test_a_race_that_is_cut_by_ctrl_c_tells_its_result_and_ends_as_interrupted(
     document = json.loads(told.stdout)
     assert document["stopped"]
     assert [kart["status"] for kart in document["karts"]] != ["finished"]
+
+
+def test_what_a_race_could_not_record_is_said_in_its_document(tmp_path: Path) -> None:
+    full = tmp_path / "server.log"
+    with full.open("w") as stream:
+        log = Log(as_json=True, stream=stream)
+        for _ in range(2):
+            log.warn("recording FILE takes no more")
+        log.warn("silent: its kart stands", seat=1)
+        log.say("joined", seat=1)
+        stream.write("Traceback\n[1]\n")
+    assert warnings_in(full) == ["recording FILE takes no more"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
