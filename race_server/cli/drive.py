@@ -37,6 +37,9 @@ def drive(
         ),
     ] = -1,
     keys: KeysFolder = None,
+    as_name: Annotated[
+        str, typer.Option("--name", help="Name in the standings. Default: that of the driver.")
+    ] = "",
     patience: Annotated[
         float, typer.Option(min=0.0, max=MOST_S, help="Seconds to wait for the server.")
     ] = 20.0,
@@ -51,6 +54,7 @@ def drive(
     # Set before any kernel is imported: 20 decisions a second need no compiler.
     os.environ["RACE_SERVER_INTERPRET"] = "1"
     from race_server.core.driver import driver_named
+    from race_server.live.client.driver import checked_name
     from race_server.live.client.driver import run_driver as drive_race
     from race_server.live.client.link_stats import LinkStats
     from race_server.live.watchdog import Watchdog
@@ -60,7 +64,7 @@ def drive(
     drive_now = partial(
         drive_race,
         driver_named(name),
-        name,
+        checked_name(as_name) if as_name else name,
         address=given.address,
         session=given.session,
         wanted=given.seat(seat),

@@ -77,7 +77,7 @@ def revoke(
 
     held = revoke_keys(folder, role)
     say(f"{held.folder / REVOKED}: the keys of {role} of session {held.session} are revoked")
-    say(f"for new ones make a new folder: race keys new {held.session}")
+    say(f"for new ones make a new folder: race keys new {held.session} --folder FOLDER")
 
 
 @app.command()

@@ -212,6 +212,14 @@ def test_a_format_is_the_same_after_a_round_trip_through_its_tables() -> None:
             "least_points = 25: give at most best_points, which is 5",
         ),
         ('title = "x"', "give [[stage]] tables, each with a name"),
+        (
+            '[[stage]]\nkind = "races"\n[[stage]]\nkind = "races"',
+            "stage = 'Race, Race': give each stage a name that no other has",
+        ),
+        (
+            '[[stage]]\nkind = "races"\nmost = 4\nleast = 9',
+            "least = '9': give at most `most`, which is 4",
+        ),
     ],
 )
 def test_a_file_that_is_no_format_is_refused(text: str, error: str, tmp_path: Path) -> None:

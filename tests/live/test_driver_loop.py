@@ -11,7 +11,7 @@ from race_server.core.level import Level
 from race_server.core.messages import Control, Event, EventKind
 from race_server.core.observation import Observation, layout_of
 from race_server.core.parking_order import ParkingOrder, Slot
-from race_server.errors import DriverError, LinkError
+from race_server.errors import DriverError, LinkError, SeatError
 from race_server.live.client.driver import KartClient
 from race_server.live.client.driver_loop import Answer, DriverLoop
 from race_server.live.client.event_stream import EventStream
@@ -232,3 +232,14 @@ def test_a_driver_that_takes_no_orders_drives_on() -> None:
     client = Client()
     client.loop.on_order(order(1, 0, 1.0))
     assert client.observe(0) is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [("x" * 33, "33 characters"), (" Anna", "a space"), ("\x1b[1mAnna", "printed")],
+)
+def test_a_name_that_no_sheet_could_show_is_refused_before_the_server_is_asked(
+    name: str, fault: str
+) -> None:
+    with pytest.raises(SeatError, match=fault):
+        KartClient(lambda _: Control(), preset="track").run(name=name)

@@ -9,7 +9,7 @@ from functools import partial
 from race_server.core.driver import Briefing, Driver
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.errors import DriverError, LinkError, WireError
+from race_server.errors import DriverError, LinkError, SeatError, WireError
 from race_server.live.client.driver_loop import DriverLoop, call_driver
 from race_server.live.client.link_stats import LinkStats
 from race_server.live.client.reconnect import Reconnect
@@ -21,6 +21,7 @@ from race_server.net.wire import topics
 from race_server.net.wire.lobby import Join
 from race_server.net.wire.spectate import decode_events
 from race_server.net.wire.strict import MOST_NAME
+from race_server.printable import fault_of_name
 
 
 def run_driver(
@@ -82,6 +83,19 @@ def run_driver(
             except DriverError:
                 seat.act(topics.LEAVE)
                 raise
+
+
+def checked_name(name: str) -> str:
+    """Return a name that a person gave.
+
+    Raises:
+        SeatError: it is too long, or has a character that cannot be seen.
+    """
+    long = f"{len(name)} characters" if len(name) > MOST_NAME else ""
+    if wrong := fault_of_name(name) or long:
+        shown = name[:MOST_NAME]
+        raise SeatError(f"name {shown!r} has {wrong}: use 1 to {MOST_NAME} printable characters")
+    return name
 
 
 def _get_ready(seat: ClientSeat, link_stats: LinkStats) -> None:
@@ -265,7 +279,7 @@ class KartClient:
         Args:
             address: of the server, such as ``tcp/127.0.0.1:7447``.
             session: the server's session.
-            name: shown in the standings; without it the name of the class.
+            name: shown in the standings, at most 32 characters; without it the name of the class.
             seat: the seat wanted, -1 for any.
             keys: of a session with keys, see `read_client_keys`.
             timeout_s: how long to wait for a server [s].
@@ -273,12 +287,12 @@ class KartClient:
 
         Raises:
             LinkError: no server, it did not come back, or it refuses the link.
-            SeatError: no seat.
+            SeatError: no seat, or the name is none.
             DriverError: `reset` or `act` raised; the seat is given up.
         """
         run_driver(
             self,
-            name or type(self).__name__,
+            checked_name(name) if name else type(self).__name__,
             address=address,
             session=session,
             wanted=seat,

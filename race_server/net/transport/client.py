@@ -70,10 +70,11 @@ class ClientLink(Link):
         for reply in self._session.get(key, payload=payload, timeout=QUERY_TIMEOUT_S):
             if reply.ok is not None:
                 return bytes(reply.ok.payload.to_bytes())
+        no_seat = f"it has no seat {seat}, " if seat >= 0 else ""
         raise LinkError(
             f"no answer on {key}: the server has stopped, no session is called {self._name!r}, "
-            "the server does not allow this request, or it has closed this link, because too many "
-            "use the same keys or they were revoked"
+            f"{no_seat}the server does not allow this request, or it has closed this link, "
+            "because too many use the same keys or they were revoked"
         )
 
     def listen(self, topic: Topic, store: Callable[[bytes], None], seat: int = -1) -> None:

@@ -68,8 +68,10 @@ def format_of(name: str, words: dict[str, Any], file: str) -> Format:
     stages = tuple(_stage(one) for one in reader.tables("stage"))
     reader.no_more()
     names = [stage.name for stage in stages]
-    if not stages or len(set(names)) < len(names):
-        raise reader.wrong("stage", ", ".join(names), "give [[stage]] tables, each with a name")
+    if not stages:
+        raise reader.wrong("stage", "", "give [[stage]] tables, each with a name")
+    if len(set(names)) < len(names):
+        raise reader.wrong("stage", ", ".join(names), "give each stage a name that no other has")
     return Format(name, title, stages)
 
 
@@ -112,13 +114,17 @@ def _races(reader: TomlReader) -> Races:
     points = reader.take("points", [])
     if not isinstance(points, list) or len(points) > MOST_KARTS or not all(map(_is_points, points)):
         raise reader.wrong("points", points, f"give whole numbers from 0 to {MOST_POINTS}")
+    most = _whole(reader, "most", plain.most, 1, MOST_KARTS)
+    least = _whole(reader, "least", min(plain.least, most), 1, MOST_KARTS)
+    if least > most:
+        raise reader.wrong("least", least, f"give at most `most`, which is {most}")
     return Races(
         name=reader.text("name", "Race"),
         tracks=tracks,
         laps=_whole(reader, "laps", 5, 1, MOST_LAPS),
         rounds=_whole(reader, "rounds", plain.rounds, 1, MOST_ROUNDS),
-        most=_whole(reader, "most", plain.most, 1, MOST_KARTS),
-        least=_whole(reader, "least", plain.least, 1, MOST_KARTS),
+        most=most,
+        least=least,
         mixed=reader.yes("mixed"),
         qualified=_whole(reader, "qualified", 0, 0, MOST_KARTS),
         points=tuple(points),
