@@ -17,6 +17,7 @@ from race_server.scenario.lot.nearer import at_distance
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
+from race_server.scenario.track.check import require_passable
 from race_server.scenario.track.sets import course_named, names_of
 
 
@@ -176,10 +177,13 @@ def _scenario(
     sensor = Lidar(rays=lidar.rays, noise=lidar.noise, dropout=lidar.dropout)
     if settings.parks:
         return replace(_parking_scenario(settings, name, vehicle, distance), lidar=sensor)
+    course, vehicles = course_named(name), _vehicles(settings, vehicle)
+    for one in vehicles:
+        require_passable(course, one)
     return Scenario(
-        course_named(name),
+        course,
         karts=settings.race.karts,
-        vehicles=_vehicles(settings, vehicle),
+        vehicles=vehicles,
         rules=_rules(settings.race.rules, LEARNING_RULES),
         lidar=sensor,
     )

@@ -170,6 +170,7 @@ def _scenario(
     from race_server.scenario.parking import parking_scenario
     from race_server.scenario.race import Rules, Scenario
     from race_server.scenario.raceline.attach import with_line
+    from race_server.scenario.track.check import require_passable
     from race_server.scenario.track.load import load_course
 
     if options.lot:
@@ -189,10 +190,12 @@ def _scenario(
         catch_up=options.catch_up == "on",
         finish_limit_s=options.finish_limit,
     )
+    course, vehicle = load_course(options.track), vehicle_named(options.car)
+    require_passable(course, vehicle)
     scenario = Scenario(
-        load_course(options.track),
+        course,
         karts=options.karts,
-        vehicles=(vehicle_named(options.car),),
+        vehicles=(vehicle,),
         rules=rules,
         seed=options.seed,
     )

@@ -10,6 +10,7 @@ from race_server.envs.task import Task
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.sensors import Lidar, Radar
+from race_server.scenario.track.check import require_passable
 from race_server.scenario.track.load import load_course
 
 TRACK = "covapsy-train-2023"
@@ -40,11 +41,14 @@ def scenario_on(
 
     Raises:
         TrackError, VehicleError: one of them does not exist.
+        ScenarioError: the vehicle does not fit through the course.
     """
+    course, body = load_course(track), vehicle_named(vehicle)
+    require_passable(course, body)
     return Scenario(
-        load_course(track),
+        course,
         karts=karts,
-        vehicles=(vehicle_named(vehicle),),
+        vehicles=(body,),
         rules=rules,
         lidar=lidar or Lidar(),
         radar=radar or Radar(),

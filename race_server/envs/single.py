@@ -58,9 +58,11 @@ class OneKart(gymnasium.Env[Any, Any]):
         """Move the race on by one decision.
 
         Raises:
-            ScenarioError: the action has another shape, or is no number.
+            ScenarioError: the action has another shape, or is no number; the episode is over.
         """
         batch, buffers = self.batch, self.batch.buffers
+        if buffers.idle[0, 0]:
+            raise ScenarioError("the episode is over: call reset before the next step")
         buffers.actions[0, 0] = action_as(action, buffers.actions.shape[2])
         batch.step()
         is_over, is_cut = bool(buffers.terminated[0, 0]), bool(buffers.truncated[0, 0])

@@ -124,13 +124,24 @@ class Task:
             check_number(f"reward {term}", weight)
 
     def with_options(self, **options: Any) -> "Task":
-        """Return the task with other options: its own, or those of its discipline."""
+        """Return the task with other options: its own, or those of its discipline.
+
+        Raises:
+            TypeError: neither has an option of that name.
+        """
         own = {each.name for each in fields(self)}
         mine = {name: value for name, value in options.items() if name in own}
         rest = {name: value for name, value in options.items() if name not in own}
         if not rest:
             return replace(self, **mine)
         discipline: Any = mine.pop("discipline", self.discipline)
+        known = {each.name for each in fields(discipline)}
+        if unknown := sorted(rest.keys() - known):
+            kind = type(discipline).__name__.lower()
+            raise TypeError(
+                f"a task of {kind} has no option {unknown[0]!r}; choose of "
+                f"{', '.join(sorted(own - {'scenarios', 'discipline'} | known))}"
+            )
         return replace(self, discipline=replace(discipline, **rest), **mine)
 
     @property

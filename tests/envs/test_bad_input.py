@@ -9,6 +9,7 @@ import pytest
 
 from race_server.envs import Batch, KartRace, RealityGap, parallel_env
 from race_server.envs.presets import mixed_task, parking_task, race_task, time_trial_task
+from race_server.envs.single import OneKart
 from race_server.errors import ScenarioError
 from support.tasks import ring_task
 
@@ -36,6 +37,29 @@ from support.tasks import ring_task
 def test_a_task_is_refused_for_what_is_wrong_with_it(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         Batch(race_task("oval", karts=2, **options))
+
+
+def test_an_option_that_no_task_has_is_named_with_those_that_it_has() -> None:
+    with pytest.raises(TypeError, match=r"task of racing has no option 'trak'; choose of .*reward"):
+        time_trial_task(trak="oval")
+    with pytest.raises(TypeError, match="a task of parking has no option 'lotto'"):
+        parking_task(lotto="gate")
+
+
+def test_a_vehicle_that_cannot_lap_a_course_is_refused_before_it_drives() -> None:
+    message = "course covapsy-train-2023: 0.90 m wide at the narrowest; kart-60 needs 1.99 m"
+    with pytest.raises(ScenarioError, match=message):
+        time_trial_task(vehicle="kart-60")
+
+
+def test_an_episode_that_is_over_takes_no_further_step() -> None:
+    env = OneKart(time_trial_task("oval", most_steps=2))
+    for _ in range(2):
+        env.step([0.0, 0.0, 0.0])
+    with pytest.raises(ScenarioError, match="the episode is over: call reset"):
+        env.step([0.0, 0.0, 0.0])
+    env.reset(seed=1)
+    env.step([0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("name", ["mass", "grip", "actuator_lag", "steering_play", "stiffness"])

@@ -113,6 +113,15 @@ def test_a_configuration_can_change_with_a_reset() -> None:
     assert (env.config["collision_reward"], env.config["duration"]) == (-7, 100.0)
 
 
+def test_an_option_of_a_reset_that_there_is_not_is_named() -> None:
+    with pytest.raises(ScenarioError, match="reset option 'gap' is unknown; choose of config"):
+        park(0.0, 0.0, 0.0).reset(options={"gap": {"mass": 1.2}})
+    with pytest.raises(ScenarioError, match="reset option 'config' is unknown; choose of none"):
+        gymnasium.make_vec("Kart/ParkCompatible-v0", num_envs=2).reset(
+            options={"config": {"duration": 9}}
+        )
+
+
 @pytest.mark.parametrize(
     ("config", "message"),
     [

@@ -185,9 +185,11 @@ def test_a_goal_is_reached_within_half_a_metre_and_10_degrees() -> None:
 def test_goals_may_be_lists_and_what_is_no_goal_is_refused() -> None:
     env: Any = gymnasium.make(registration.PARK_GOAL, disable_env_checker=True).unwrapped
     goal = [1.0, 2.0, 1.0, 0.0, 0.0]
-    assert env.compute_reward([goal, goal], [goal, goal], [{}, {"crashed": True}]).tolist() == [
-        *(0.0, CRASH)
-    ]
+    assert env.compute_reward(
+        [goal, goal], [goal, goal], [{"crashed": False}, {"crashed": True}]
+    ).tolist() == [*(0.0, CRASH)]
+    with pytest.raises(ScenarioError, match=r"info 0 has no 'crashed'.*copy_info_dict=True"):
+        env.compute_reward([goal, goal], [goal, goal], [{}, {"crashed": True}])
     with pytest.raises(
         ScenarioError, match=r"achieved goals \[1.0\]: give finite numbers of the shape"
     ):

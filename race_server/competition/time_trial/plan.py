@@ -18,6 +18,7 @@ from race_server.competition.time_trial.table import lap_rows
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.batch import Batch
+from race_server.scenario.track.check import require_passable
 from race_server.scenario.track.load import load_course
 
 Place = tuple[str, str]  # track and vehicle
@@ -205,11 +206,10 @@ def prepare(plan: TrialPlan) -> Trial:
     """Return the trial ready to be driven, with limits and ghosts.
 
     Raises:
-        RaceError: a track or vehicle does not exist, or there is no such ghost.
+        RaceError: a track or vehicle does not exist or does not fit, or there is no such ghost.
     """
     for track, vehicle in plan.places:
-        load_course(track)
-        vehicle_named(vehicle)
+        require_passable(load_course(track), vehicle_named(vehicle))
     ghosts = {}
     if plan.ghost:
         for track, vehicle in plan.places:

@@ -172,8 +172,13 @@ def _crashed(infos: Mapping[str, Any] | Sequence[Any], shape: tuple[int, ...]) -
         raise ScenarioError(
             f"infos = {infos!r:.60}: give that of each step, a dict; a crash stands there"
         )
+    elif untold := [row for row, one in enumerate(infos) if "crashed" not in one]:
+        raise ScenarioError(
+            f"info {untold[0]} has no 'crashed': give what the step told; a replay buffer of "
+            "Stable-Baselines3 keeps it with copy_info_dict=True"
+        )
     else:
-        told = [one.get("crashed", False) for one in infos]
+        told = [one["crashed"] for one in infos]
     try:
         crashed = np.asarray(told, np.bool_).astype(np.float64)
     except ValueError as error:  # rows of several lengths

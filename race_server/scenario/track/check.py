@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from race_server.core.vehicles import Vehicle
+from race_server.errors import ScenarioError
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.occupancy_map import OccupancyMap
 from race_server.scenario.track.passage import blocked_at
@@ -54,6 +55,19 @@ def check_course(
         *_start_grid(course, vehicle),
         *_outside_borders(course),
     ]
+
+
+def require_passable(course: Course, vehicle: Vehicle) -> None:
+    """Check that a vehicle fits through a course and around its bends.
+
+    Raises:
+        ScenarioError: it does not.
+    """
+    for issue in (*_narrow_places(course, vehicle), *_tight_bends(course, vehicle)):
+        if issue.level == "error":
+            raise ScenarioError(
+                f"course {course.name}: {issue.what}; choose another course or vehicle"
+            )
 
 
 def _in_walls(course: Course, vehicle: Vehicle, occupancy: OccupancyMap) -> list[CourseIssue]:
