@@ -69,6 +69,8 @@ class Learned:
     decisions are due more often than it learned to decide, it keeps to its own pace.
     """
 
+    keeps_to_vehicles = True  # it drives no other ones, even where that is asked for
+
     def __init__(self, name: str) -> None:
         """Load a policy.
 

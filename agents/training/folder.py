@@ -214,7 +214,9 @@ def _table(marks: list[Marks]) -> str:
 def ways_to_drive(folder: Path, settings: Settings) -> tuple[str, ...]:
     """Return the commands that drive a run's policy, the shortest first."""
     if settings.parks:
-        return (f"race policy check {shlex.quote(name_of(folder))}",)
+        name, lot = name_of(folder), shlex.quote(settings.parking.lots[0])
+        exam = f"race exam parking --drivers {shlex.quote(f'learned:{name}')} --lot {lot}"
+        return f"{exam} --vehicle {settings.vehicle}", f"race policy check {shlex.quote(name)}"
     driver = shlex.quote(f"learned:{name_of(folder)}")
     courses = [name for name in final_courses(settings) if not name.endswith(REVERSED)]
     # Without options both take the 1/10 car, and a course that is wide enough for it.

@@ -82,6 +82,8 @@ def check_suits(names: Iterable[str], vehicle: str, way_out: str) -> None:
     for name in dict.fromkeys(names):
         driver = driver_named(name)
         if not suits(driver, vehicle):
+            if getattr(driver, "keeps_to_vehicles", False):
+                way_out = ""  # it refuses by itself
             raise DriverError(
                 f"driver {name} is made for {', '.join(vehicles_of(driver))}, not for {vehicle}; "
                 f"choose one that is ({', '.join(suited(vehicle)) or 'none is installed'}){way_out}"

@@ -142,6 +142,25 @@ def test_an_import_says_that_a_map_has_more_loops_than_a_course(tmp_path: Path) 
     assert imported(tmp_path, lambda x, y: ring(x, y) & (np.hypot(x - 10.0, y) > 0.5)).remark == ""
 
 
+def test_an_import_says_where_the_picture_and_not_a_wall_is_the_border(tmp_path: Path) -> None:
+    """Light and dark are the other way round: walls are white, so is what is outside of them."""
+    found = imported(tmp_path, lambda x, y: ~ring(x, y) & (np.hypot(x, y) > 9.0))
+    assert "swap light and dark with negate" in found.remark
+    assert found.course.length > 20.0 * np.pi
+
+
+def test_an_import_says_that_lengths_are_of_another_unit(tmp_path: Path) -> None:
+    table = tmp_path / "cm.csv"
+    angle = np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False)
+    half = np.full(100, 80.0)
+    rows = np.column_stack([500.0 * np.cos(angle), 500.0 * np.sin(angle), half, half])
+    np.savetxt(table, rows, delimiter=",")
+    found = import_course(table, tmp_path / "ring.toml", title="Ring")
+    assert found.remark == (
+        "it is 160 m wide on average: check the unit (all columns are in metres)"
+    )
+
+
 def test_a_map_without_a_closed_corridor_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match="no closed corridor"):
         imported(tmp_path, lambda x, y: ring(x, y) & (x < 6.0))

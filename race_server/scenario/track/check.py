@@ -159,7 +159,8 @@ def _blocked_places(course: Course, vehicle: Vehicle) -> list[CourseIssue]:
     if (blocked := blocked_at(course, needed)) is None:
         return []
     x, y = course.line[blocked[0], :2]
-    what = f"obstacles leave {blocked[1]:.2f} m to pass at ({x:.2f}, {y:.2f}); {vehicle.name} needs"
+    left = min(blocked[1], needed - 0.01)  # less than needed in two digits, too
+    what = f"obstacles leave {left:.2f} m to pass at ({x:.2f}, {y:.2f}); {vehicle.name} needs"
     return [CourseIssue("error", f"{what} {needed:.2f} m: move them, or make them smaller")]
 
 

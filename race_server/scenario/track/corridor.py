@@ -92,6 +92,12 @@ def other_loops(corridor: Corridor) -> int:
     return sum(_extent(walls.of == part) >= least for part in others)
 
 
+def touches_frame(corridor: Corridor) -> bool:
+    """Return whether the edge of the picture is a border of the corridor."""
+    free = corridor.free  # with a frame of one pixel around the picture
+    return bool(free[[1, -2]].any() or free[:, [1, -2]].any())
+
+
 def _extent(mask: Mask) -> float:
     """Return the diagonal of the box around a mask, in pixels."""
     sides = [np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1)]

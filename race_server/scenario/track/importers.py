@@ -12,7 +12,7 @@ from race_server.kept_file import write_together
 from race_server.printable import printable
 from race_server.scenario.toml_reader import MOST_LETTERS
 from race_server.scenario.track.build import SCALES, scale_for
-from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops
+from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops, touches_frame
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
@@ -27,6 +27,8 @@ MAPS = (".yaml", ".yml")
 MAP_BESIDE = ".map.yaml"
 # A table is open where its last point is more than this number of the longest steps from the first.
 OPEN = 3.0
+# Courses are wider than this [m] only where lengths were taken for another unit.
+WIDEST = 40.0
 # Takes the share of the work that is done.
 Report = Callable[[float], None]
 
@@ -156,7 +158,11 @@ def _check_line(course: Course, occupancy: OccupancyMap) -> None:
 
 
 def _remark_on(points: Floats, corridor: Corridor | None) -> str:
-    """Return a sentence on loops that the course leaves out, or on a gap in it, "" for neither."""
+    """Return a sentence on what may be wrong with a course, "" for nothing."""
+    width = float(points[:, 2:].sum(axis=1).mean())
+    if width > WIDEST:
+        unit = "resolution: metres for each pixel" if corridor else "all columns are in metres"
+        return f"it is {width:.0f} m wide on average: check the unit ({unit})"
     if corridor is None:
         *steps, last = lengths_of(points[:, :2]).tolist()
         if last <= OPEN * max(steps):
@@ -164,6 +170,12 @@ def _remark_on(points: Floats, corridor: Corridor | None) -> str:
         return (
             f"the last point is {last:.2f} m from the first, and others are {max(steps):.2f} m "
             "apart at most: the course closes across that gap, where it may not lead"
+        )
+    if touches_frame(corridor):
+        return (
+            "the course reaches the edge of the picture, where no wall stands: leave a margin, "
+            "draw its walls shut, or swap light and dark with negate, where they are the other "
+            "way round"
         )
     if corridor.others:
         return (
