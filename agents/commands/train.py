@@ -36,7 +36,8 @@ class TrainOptions:
         typer.Argument(
             help="time-trial, time-trial-any, time-trial-kart, time-trial-ppo, race, full, "
             "two-teams, report-b, parking-1, parking-2, parking-2-end, parking-2-karts, park, "
-            "park-kerb, park-gate, park-lorry, park-rows, or a .toml file of settings."
+            "park-kerb, park-gate, park-lorry, park-rows, report-a, trailer-report-c, or a .toml "
+            "file of settings."
         ),
     ] = ""
     track_set: Annotated[

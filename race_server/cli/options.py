@@ -23,7 +23,7 @@ Course = Annotated[
     str,
     typer.Argument(
         help="A name from `race track list`, a .toml file, or a generated course: "
-        "generated:block:SEED, generated:spline:SEED, generated:spline:SEED:kart."
+        "generated:block:SEED, generated:spline:SEED[:kart], generated:circuit:SEED[:kart]."
     ),
 ]
 VehicleName = Annotated[

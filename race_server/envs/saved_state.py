@@ -130,7 +130,10 @@ class StateMemory:
         try:
             magic, version, own, worlds, mark = HEADER.unpack_from(state)
         except (struct.error, TypeError) as error:
-            raise ScenarioError(f"a saved state: {error}; take one from save_state()") from error
+            given = f"{len(state)} bytes" if isinstance(state, bytes) else f"{state!r:.40}"
+            raise ScenarioError(
+                f"{given} are no saved state; take one from save_state()"
+            ) from error
         if magic != MAGIC or version != VERSION:
             raise ScenarioError(
                 f"a saved state of version {version} that begins with {magic!r}: this program "
@@ -145,8 +148,8 @@ class StateMemory:
         first = HEADER.size + own
         if len(state) != first + length:
             raise ScenarioError(
-                f"a saved state of {len(state)} bytes: {worlds} worlds take {first + length}; it "
-                "was cut off"
+                f"a saved state of {len(state)} bytes, and its worlds ({worlds}) take "
+                f"{first + length}: it was cut off, or something stands behind it"
             )
         body = np.frombuffer(state, np.uint8, offset=first)
         return SavedState(worlds, bytes(state[HEADER.size : first]), body)

@@ -58,7 +58,7 @@ class Served:
     def __init__(self, spec: EventSpec, drivers: tuple[str, ...]) -> None:
         self.spec, self.drivers = spec, drivers
         self.said: list[str] = []
-        self.awaited: list[int] = []  # seats that came back once nobody was there
+        self.awaited: list[int] = []  # seats that came back once no driver was there
         self.reviews: list[int] = []  # after how many attempts and races
 
     @staticmethod

@@ -121,7 +121,8 @@ def _row(text: str, columns: Columns, place: str) -> tuple[float, float, float, 
     if not 0.0 < min(left, right) <= max(left, right) <= MOST_HALF_WIDTH:
         raise TrackError(
             f"{place}: widths right, left = {right:g}, {left:g}: from the line to each side they "
-            f"are above 0 and up to {MOST_HALF_WIDTH:g} m"
+            f"are above 0 and up to {MOST_HALF_WIDTH:g} m; the columns are x, y, width right, "
+            "width left, unless the first line names them"
         )
     return x, y, left, right
 
