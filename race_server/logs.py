@@ -25,6 +25,10 @@ CLOSE_S = 2.0
 MOST_WAITING = 1024
 # Refusals of one reason and sender are summed up in one line in this time [s].
 QUIET_S = 60.0
+# What a server says first, once it can be reached.
+LISTENING = "listening"
+# Facts of a warning that is of the server as a whole.
+_OF_ALL = {"timestamp", "level", "event", "why"}
 FIRST, AGAIN = "refused for the first time", "refused again"
 # More senders than this in that time share one line for each reason.
 MOST_SENDERS = 1024
@@ -169,17 +173,19 @@ def last_words(log: Path, lines: int = 1) -> str:
 
 
 def warnings_in(log: Path) -> list[str]:
-    """Return the warnings in a log file that are whole sentences: those with facts are of drivers.
+    """Return the warnings in a server's log that are of no driver, from when it listens on.
 
-    Each of them once.
+    Each of them once, with the reason that it gives.
     """
-    found = []
+    found, listens = [], False
     for line in log.read_text(errors="replace").splitlines():
         try:
             words = json.loads(line)
         except ValueError:
             continue
-        if isinstance(words, dict) and words.keys() == {"timestamp", "level", "event"}:
-            if words["level"] == "warning":
-                found.append(str(words["event"]))
+        if not isinstance(words, dict) or "event" not in words:
+            continue
+        listens = listens or words["event"] == LISTENING
+        if listens and words.get("level") == "warning" and not words.keys() - _OF_ALL:
+            found.append(f"{words['event']}: {words['why']}" if "why" in words else words["event"])
     return list(dict.fromkeys(found))

@@ -111,7 +111,7 @@ def dismiss(
     connect: Connect = "",
     session: SessionName = "",
 ) -> None:
-    """Dismiss a protest: the result stays as it is, or becomes again what it was."""
+    """Dismiss a protest: or take back, until the review is over, what was decided on it."""
     _decide("dismiss", keys, connect, session, protest=number)
 
 

@@ -20,6 +20,7 @@ from race_server.competition.event_spec import (
     EventSpec,
     begin_event,
     check_free,
+    event_ended_since,
     file_name,
     is_part_of,
     put_away,
@@ -40,7 +41,7 @@ from race_server.live.server.resume import restore_session
 from race_server.live.server.wheels import VALET
 from race_server.live.suspects import Suspects
 from race_server.live.watchdog import HUNG_S, Watchdog
-from race_server.logs import Log
+from race_server.logs import LISTENING, Log
 from race_server.net.auth.keys import ServerKeys
 from race_server.net.auth.token import local_token
 from race_server.net.transport import ServerLink
@@ -106,9 +107,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         with _survived(log, "races go on without recordings") if replaces else nullcontext():
             logbook = stack.enter_context(_logbook(service.record, service.session, log))
         keeper = Keeper(writer) if writer else None
-        if logbook and fresh and not replaces:
-            put_away(logbook.folder, logbook.session, log)
-        elif logbook and service.event is None and not replaces:
+        if logbook and service.event is None and not (fresh or replaces):
             check_free(logbook.folder, logbook.session)
         race, resumed = _resumed(service, logbook, keeper, log, fresh=fresh) or (None, None)
         is_single = service.once and service.event is None
@@ -140,7 +139,7 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         title = race.scenario.course.title
         for seat in service.suspects.barred():
             log.warn("left out: its driver hung or crashed the server", seat=seat)
-        log.say("listening", address=address, session=race.name, course=title, seats=karts)
+        log.say(LISTENING, address=address, session=race.name, course=title, seats=karts)
         if service.metrics is not None:
             from race_server.live.server.metrics import LOOPBACK, exposed
 
@@ -149,7 +148,12 @@ def serve_races(service: Service, log: Log, *, fresh: bool, replaces: bool = Fal
         if service.event is None:
             _serve_single_races(server, service, log, resumed)
             return
-        _serve_event(server, service, service.event, log, resumed)
+        over = None
+        if fresh and not replaces:
+            put_away(service.event.folder, file_name(server), log)
+        elif replaces:
+            over = event_ended_since(_instant(service), service.event, file_name(server))
+        _serve_event(server, service, over, log, resumed)
 
 
 Resumed = tuple[Recording, list[Event]]
@@ -175,21 +179,26 @@ def _serve_single_races(
 def _serve_event(
     server: RaceServer,
     service: Service,
-    spec: EventSpec,
+    over: EventState | None,
     log: Log,
     resumed: Resumed | None,
 ) -> None:
     """Serve an event, one that has begun to its end; its tables stay until the server is stopped.
 
     No other one begins by itself: drivers that are still there would drive it, and its result would
-    take the place of this one's.
+    take the place of this one's. over: the event that a server which this one replaces has served
+    to its end.
     """
+    spec = service.event
+    assert spec is not None
 
     def publish(day: Day, state: EventState) -> None:
         if service.result is not None:
             with _survived(log, f"the event is not in {service.result}; make room"):
                 write_whole(service.result, json.dumps(event_document(day, state)))
         with _survived(log, "the result is not printed"):
+            if over is not None:
+                return  # it was printed
             if state.is_final and service.as_json:
                 print_document(event_document(day, state))
             elif state.is_final:
@@ -197,13 +206,19 @@ def _serve_event(
 
     seats, name = len(server.session.seats), file_name(server)
     awaited = min(service.awaited, seats)
-    state = unfinished_event(spec, name, seats, log) or begin_event(server, spec, awaited)
+    state = over or unfinished_event(spec, name, seats, log)
+    state = state or begin_event(server, spec, awaited)
     if state is None or not LiveEvent(server, spec, state, log, publish).run(resumed):
         return
     server.see_off(service.review)
     if not service.once:
         log.say("the event is over: the page shows it until Ctrl-C", name=state.name)
         server.lobby.wait_until(lambda: False)
+
+
+def _instant(service: Service) -> float:
+    """Return when the first server began, as files have it [s]."""
+    return datetime.fromisoformat(service.begun_at).timestamp()
 
 
 def _is_driven(service: Service, logbook: Logbook | None, log: Log) -> bool:
@@ -213,7 +228,7 @@ def _is_driven(service: Service, logbook: Logbook | None, log: Log) -> bool:
     """
     paths = recordings_of(logbook.folder, logbook.session) if logbook else []
     ended_at = paths[-1].stat().st_mtime if paths else 0.0
-    if ended_at < datetime.fromisoformat(service.begun_at).timestamp():
+    if ended_at < _instant(service):
         return False
     try:
         session, events = restore_session(read_recording(paths[-1]), None)

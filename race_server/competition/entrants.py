@@ -9,6 +9,7 @@ import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from race_server.errors import ScenarioError
 from race_server.net.wire.strict import MOST_NAME
@@ -67,6 +68,11 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     seen: dict[str, int] = {}
     waiting = []
     for line, row in _rows_of(path):
+        if any(map(str.strip, row.pop(None, None) or ())):
+            faults.append(
+                f"row {line}: more cells than the first row: put a name in quotation marks"
+            )
+            continue
         name, digits = text_in((row["name"] or "").strip()), (row.get("number") or "").strip()
         if not name and not digits:
             continue
@@ -88,7 +94,7 @@ def read_entrants(path: Path, known: dict[str, int]) -> Import:
     return Import(entrants, len(entrants) - len(known), tuple(faults))
 
 
-def _rows_of(path: Path) -> list[tuple[int, dict[str, str | None]]]:
+def _rows_of(path: Path) -> list[tuple[int, dict[str | None, Any]]]:
     """Return the rows of a CSV file, each with the line on which it ends.
 
     Cells are apart by what is most frequent in the first row: commas, semicolons or tabulators.
@@ -98,12 +104,12 @@ def _rows_of(path: Path) -> list[tuple[int, dict[str, str | None]]]:
     """
     text = read_text(path, MOST_BYTES, ScenarioError)
     first = text.partition("\n")[0]
-    table = csv.DictReader(
-        io.StringIO(text), strict=True, delimiter=max(",;\t", key=first.count), restkey=""
-    )
+    table = csv.DictReader(io.StringIO(text), strict=True, delimiter=max(",;\t", key=first.count))
     try:
         names = [name.strip().lower() for name in table.fieldnames or ()]
-        if "name" not in names or ("number" not in names and len(names) > 1):
+        if "name" not in names or (
+            "number" not in names and any(one not in {"", "name"} for one in names)
+        ):
             raise ScenarioError(
                 f"{path}: its first row has {', '.join(names) or 'nothing'}: it must name the "
                 "columns number and name"

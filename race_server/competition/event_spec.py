@@ -1,10 +1,17 @@
 """An event that is to be served, and how it begins or is found again."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from race_server.competition.event_state import Entrant, EventFile, EventState
+from race_server.competition.event_state import (
+    Entrant,
+    EventFile,
+    EventState,
+    event_files,
+    read_event,
+)
 from race_server.competition.race_day.formats import Format
 from race_server.competition.race_day.plan import DayPlan, teams_of
 from race_server.errors import ScenarioError
@@ -136,10 +143,24 @@ def check_free(folder: Path, name: str) -> None:
     state = EventFile(folder, name).read()
     if state is not None:
         raise ScenarioError(
-            f"the event {state.name} is not over, {len(state.records)} of {state.plan().drives()} "
-            f"driven: go on with --format {state.format.name}, name another --session, or put it "
-            "aside with --fresh"
+            f"the event {state.name} is not over, {len(state.records)} attempts and races driven: "
+            f"go on with --format {state.format.name}, name another --session, or serve single "
+            "races beside it with --fresh"
         )
+
+
+def event_ended_since(instant_s: float, spec: EventSpec, name: str) -> EventState | None:
+    """Return the event that was served to its end since an instant, None where there is none.
+
+    instant_s: as the times of files. name: of its file, see `file_name`.
+    """
+    for path in event_files(spec.folder, name):
+        if path.stat().st_mtime < instant_s:
+            return None
+        with suppress(ScenarioError):
+            if (state := read_event(path)).is_final:
+                return state
+    return None
 
 
 def is_part_of(spec: EventSpec, name: str, recording: Recording) -> bool:

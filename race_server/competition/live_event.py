@@ -134,10 +134,14 @@ class LiveEvent:
         return record
 
     def _are_all_gone(self) -> bool:
-        """Return whether no driver is there of those that may come: after a kill, perhaps."""
+        """Return whether no driver is there, and one may come back: after a kill, perhaps.
+
+        Those of the server itself do not.
+        """
         seats = self._server.session.seats
-        left = [seat for seat in seats.taken() if not seats.is_sent_away(seat.number)]
-        return bool(left) and not any(seat.is_present for seat in left)
+        outside = (one for one in self.state.entrants if not (one.is_local or one.is_apart))
+        may_come = any(not seats.is_sent_away(one.seat) for one in outside)
+        return may_come and not any(seat.is_present for seat in seats.taken())
 
     def _is_ready(self, seat: Seat) -> bool:
         is_inside = seat.number in self._server.local_drivers

@@ -139,7 +139,8 @@ class Task:
         if unknown := sorted(rest.keys() - known):
             kind = type(discipline).__name__.lower()
             raise TypeError(
-                f"a task of {kind} has no option {unknown[0]!r}; choose of "
+                f"a task of {kind} has no option {unknown[0]!r}; it has, besides those of the "
+                "function that makes it, "
                 f"{', '.join(sorted(own - {'scenarios', 'discipline'} | known))}"
             )
         return replace(self, discipline=replace(discipline, **rest), **mine)

@@ -74,8 +74,9 @@ def _penalise(world: World, kart: int, seconds: float) -> None:
         penalise(world, 0, kart, given_us, codes.EVENT_PENALTY)
         return
     back_us = min(-given_us, int(racer.penalty_us))
-    racer.penalties = max(int(racer.penalties) - 1, 0)
     racer.penalty_us -= back_us
+    left = int(racer.penalties) - 1
+    racer.penalties = max(left, 1) if racer.penalty_us > 0 else 0
     report(world, 0, codes.EVENT_PENALTY, kart, codes.EVENT_PENALTY, -back_us)
 
 

@@ -22,17 +22,20 @@ class Newcomer:
 
 
 def known_seat(
-    newcomer: Newcomer, seats: Seats, racing: Sequence[Seat], *, in_event: bool
+    newcomer: Newcomer, seats: Seats, racing: Sequence[Seat], *, in_event: bool, is_over: bool
 ) -> Seat | None:
     """Return the seat that a newcomer has already, or resumes with a new secret.
 
-    racing: the seats that take part in the race that is on; in_event: all drivers have their seats.
+    racing: the seats that take part in the race that is on; in_event: all drivers keep their seats;
+    is_over: the event, where there was one.
 
     Raises:
         SeatError: its observation preset is unknown, or it is no driver of the event.
     """
     seat = _held_seat(newcomer, seats)
     if seat is None and in_event:
+        if is_over:
+            raise SeatError("the event is over; start the server again for another one")
         seat = _returning_seat(newcomer, seats, racing)
     if seat is not None:
         seat.come_back()

@@ -89,12 +89,12 @@ class Session:
         gone. tracked: a real kart.
 
         Raises:
-            SeatError: no seat is free, the wanted one is taken, the race has begun, or no real
-                kart can take part.
+            SeatError: no seat is free for it, the race has begun, or the event is over.
         """
         newcomer = Newcomer(driver, preset, wanted, secret, tracked, owns)
         racing = self.lined_up() if self.is_on else []
-        if known := known_seat(newcomer, self.seats, racing, in_event=self.keeps_seats):
+        kept = {"in_event": self.keeps_seats, "is_over": not self.is_event}
+        if known := known_seat(newcomer, self.seats, racing, **kept):
             return known
         is_lobby = self.phase is Phase.LOBBY
         seat = free_seat(newcomer, self.seats, is_lobby=is_lobby, takes_tracked=self.takes_tracked)

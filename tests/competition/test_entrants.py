@@ -81,7 +81,8 @@ def test_a_table_without_the_columns_is_refused(tmp_path: Path) -> None:
         "number;name\r\n1;Anna\r\n2;Bert\r\n;;\r\n",  # as spreadsheets write it in Europe
         "Number\t Name\n1\tAnna\n2\tBert\n",
         "name\nAnna\n\n\nBert\n",
-        "number,name,club\n1,Anna\n2,Bert,B,C\n,,\n",
+        "number,name,club\n1,Anna\n2,Bert,B,\n,,\n",
+        "name;\nAnna;\nBert;\n",
     ],
 )
 def test_a_table_of_any_spreadsheet_is_read(text: str, tmp_path: Path) -> None:
@@ -89,6 +90,14 @@ def test_a_table_of_any_spreadsheet_is_read(text: str, tmp_path: Path) -> None:
     path.write_text(text)
     found = read_entrants(path, {})
     assert (found.entrants, found.faults) == ({"Anna": 1, "Bert": 2}, ())
+
+
+def test_a_comma_within_a_name_cuts_nothing_off_in_silence(tmp_path: Path) -> None:
+    path = tmp_path / "new.csv"
+    path.write_text('name\n"Smith, Bob"\nMeier, Eva\n')
+    found = read_entrants(path, {})
+    assert found.entrants == {"Smith, Bob": 1}
+    assert found.faults == ("row 3: more cells than the first row: put a name in quotation marks",)
 
 
 def test_a_wrong_row_is_found_by_its_line_in_the_file(tmp_path: Path) -> None:

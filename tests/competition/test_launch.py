@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from race_server.cli.main import app
 from race_server.competition import launch
 from race_server.core.messages import Phase
-from race_server.logs import Log, warnings_in
+from race_server.logs import LISTENING, Log, warnings_in
 
 LAUNCH = """
 import subprocess, time
@@ -55,16 +55,29 @@ def test_a_race_that_is_cut_by_ctrl_c_tells_its_result_and_ends_as_interrupted(
     assert [kart["status"] for kart in document["karts"]] != ["finished"]
 
 
-def test_what_a_race_could_not_record_is_said_in_its_document(tmp_path: Path) -> None:
-    full = tmp_path / "server.log"
-    with full.open("w") as stream:
+def test_warnings_of_a_log_are_those_of_the_server_itself_each_once(tmp_path: Path) -> None:
+    path = tmp_path / "server.log"
+    with path.open("w") as stream:
         log = Log(as_json=True, stream=stream)
+        log.warn("its line is of another vehicle")  # said before
+        log.say(LISTENING, address="there")
         for _ in range(2):
             log.warn("recording FILE takes no more")
+        log.warn("races go on without a results file", why="the disk is full")
         log.warn("silent: its kart stands", seat=1)
-        log.say("joined", seat=1)
         stream.write("Traceback\n[1]\n")
-    assert warnings_in(full) == ["recording FILE takes no more"]
+    assert warnings_in(path) == [
+        "recording FILE takes no more",
+        "races go on without a results file: the disk is full",
+    ]
+
+
+@pytest.mark.live
+def test_what_a_race_could_not_record_stands_in_its_document(tmp_path: Path) -> None:
+    words = ["start", "--track", "oval", "--karts", "1", "--laps", "1", "--one-process"]
+    words += ["--drivers", "avoider", "--no-page", "--results", "none", "--pace", "lockstep"]
+    done = CliRunner().invoke(app, [*words, "--record", str(tmp_path), "--json"])
+    assert json.loads(done.stdout)["warnings"] == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

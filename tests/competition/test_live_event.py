@@ -10,6 +10,7 @@ import pytest
 from race_server.competition.event_spec import (
     begin_event,
     check_free,
+    event_ended_since,
     is_part_of,
     put_away,
     unfinished_event,
@@ -139,9 +140,31 @@ def test_a_driver_that_does_not_come_to_its_call_has_no_time(tmp_path: Path) -> 
 
 def test_an_event_without_any_driver_waits_for_one_and_calls_again(tmp_path: Path) -> None:
     served = Served(spec_of(tmp_path), ("raceline",))
-    (row,) = served.run(gone=0).ledger.trials()[0].rows
+    (row,) = served.run(gone=0, may_come_back=True).ledger.trials()[0].rows
     assert served.awaited == [0]
     assert [drive.place for drive in row.attempts] == [1, 1]
+
+
+def test_an_event_does_not_wait_for_drivers_of_its_own_server(tmp_path: Path) -> None:
+    served = Served(spec_of(tmp_path), ("raceline",))
+    (row,) = served.run(gone=0).ledger.trials()[0].rows
+    assert served.awaited == []
+    assert [drive.place for drive in row.attempts] == [0, 0]
+
+
+def test_a_server_that_is_replaced_after_the_end_finds_its_event_and_begins_no_other(
+    tmp_path: Path,
+) -> None:
+    served = Served(spec_of(tmp_path), ("raceline",))
+    assert event_ended_since(0.0, served.spec, "cup") is None
+    with pytest.raises(Killed):
+        served.run(kill_at_tick=60)
+    assert event_ended_since(0.0, served.spec, "cup") is None
+    records = served.run().records
+    over = event_ended_since(0.0, served.spec, "cup")
+    assert over is not None
+    assert over.records == tuple(records)
+    assert event_ended_since(1e12, served.spec, "cup") is None
 
 
 @pytest.mark.parametrize(
@@ -172,7 +195,7 @@ def test_a_decision_of_stewards_changes_the_classification(tmp_path: Path) -> No
 def test_a_program_that_is_started_again_has_its_seat_by_its_name() -> None:
     session = Session("cup", Served.scenario_for(2))
     session.join("Anna", "lidar", secret=5)
-    session.keeps_seats = True
+    session.is_event = session.keeps_seats = True
     session.drop(0)
     assert session.seats[0].is_taken
     with pytest.raises(SeatError, match="no 'Bert' of it is away"):
@@ -180,6 +203,12 @@ def test_a_program_that_is_started_again_has_its_seat_by_its_name() -> None:
     assert session.join("Anna", "track", secret=7).number == 0
     assert session.seats[0].is_present
     with pytest.raises(SeatError, match="no 'Anna' of it is away"):
+        session.join("Anna", "track", secret=8)
+    session.drop(0)
+    session.is_event = False
+    assert session.join("Anna", "track", secret=7).number == 0  # to be told that it is over
+    session.drop(0)
+    with pytest.raises(SeatError, match="the event is over"):
         session.join("Anna", "track", secret=8)
 
 
@@ -218,7 +247,7 @@ def test_a_format_is_the_same_after_a_round_trip_through_its_tables() -> None:
         ),
         (
             '[[stage]]\nkind = "races"\nmost = 4\nleast = 9',
-            "least = '9': give at most `most`, which is 4",
+            "least = 9: give at most most, which is 4",
         ),
     ],
 )
@@ -283,7 +312,9 @@ def test_single_races_take_no_drivers_away_from_an_event_that_is_not_over(tmp_pa
     served = Served(spec_of(tmp_path), ("raceline", "follow_gap"))
     with pytest.raises(Killed):
         served.run(kill_at_tick=60, race=1)
-    with pytest.raises(ScenarioError, match="1 of 4 driven: go on with --format time-trial"):
+    with pytest.raises(
+        ScenarioError, match="1 attempts and races driven: go on with --format time-trial"
+    ):
         check_free(tmp_path, "cup")
     check_free(tmp_path, "practice")
     served.run()

@@ -40,7 +40,7 @@ def test_a_task_is_refused_for_what_is_wrong_with_it(options: dict[str, Any], me
 
 
 def test_an_option_that_no_task_has_is_named_with_those_that_it_has() -> None:
-    with pytest.raises(TypeError, match=r"task of racing has no option 'trak'; choose of .*reward"):
+    with pytest.raises(TypeError, match=r"task of racing has no option 'trak'; it has, .*reward"):
         time_trial_task(trak="oval")
     with pytest.raises(TypeError, match="a task of parking has no option 'lotto'"):
         parking_task(lotto="gate")

@@ -123,15 +123,20 @@ def test_a_penalty_is_taken_back_as_far_as_it_was_given() -> None:
         told(steward, "penalty", 1, 2.5)
     told(steward, "penalty", 1, -2.5)
     assert (racer.penalty_us, racer.penalties) == (2_500_000, 1)
+    told(steward, "penalty", 1, -1.0)
+    assert (racer.penalty_us, racer.penalties) == (1_500_000, 1)
+    told(steward, "penalty", 1, -1.5)
+    assert (racer.penalty_us, racer.penalties) == (0, 0)
+    told(steward, "penalty", 1, 2.5)
     for seat, seconds in ((1, -3.0), (0, -1.0), (9, -1.0)):
         with pytest.raises(SeatError, match=f"taken back: seat {seat} has"):
             told(steward, "penalty", seat, seconds)
     acts = [act for act in session.journal.entries if isinstance(act, Intervention)]
-    assert [act.value for act in acts] == [2.5, 2.5, -2.5]
+    assert [act.value for act in acts] == [2.5, 2.5, -2.5, -1.0, -1.5, 2.5]
     incidents = Incidents()
     incidents.record_events(session.advance(3))
     assert incidents.stewards_us(1) == 2_500_000
-    assert incidents._punished[1] == ["+2.5 s penalty"] * 2 + ["-2.5 s penalty taken back"]
+    assert incidents._punished[1][1:3] == ["+2.5 s penalty", "-2.5 s penalty taken back"]
 
 
 def test_a_kart_is_removed_for_a_reason_as_an_act_and_its_driver_stays() -> None:

@@ -137,7 +137,7 @@ def test_a_driver_that_stays_away_has_withdrawn() -> None:
 
 def test_a_driver_that_is_gone_when_its_race_starts_again_has_withdrawn_in_time() -> None:
     session = racing()
-    session.keeps_seats = True
+    session.is_event = session.keeps_seats = True
     session.drop(1)
     session.reopen()
     session.start()
@@ -154,7 +154,7 @@ def test_a_namesake_that_was_sent_away_or_has_a_real_kart_keeps_no_driver_from_i
     session.join("Anna", "track", tracked=True)
     for _ in range(2):
         session.join("Anna", "track")
-    session.keeps_seats = True
+    session.is_event = session.keeps_seats = True
     session.race_control.exclude(1)
     with pytest.raises(SeatError, match="seat 1 is closed: the steward sent its driver away"):
         session.join("Anna", "track", secret=33)

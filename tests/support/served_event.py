@@ -111,6 +111,7 @@ class Served:
         restart_at_tick: int = -1,
         kill_after_race: bool = False,
         gone: int = -1,
+        may_come_back: bool = False,
         penalty_after: int = -1,
         penalised: int = 0,
         seconds: float = 0.0,
@@ -145,6 +146,9 @@ class Served:
             server.session.keeps_seats = True
             server.session.drop(gone)
             self._come_back_when_awaited(server, gone)
+        if may_come_back:
+            entrants = tuple(replace(one, is_local=False) for one in event.state.entrants)
+            event.state = replace(event.state, entrants=entrants)
 
     def _come_back_when_awaited(self, server: RaceServer, seat: int) -> None:
         wait = server.lobby.wait_until

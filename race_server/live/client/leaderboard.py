@@ -147,6 +147,12 @@ def _gap(row: Standing) -> str:
     return f"+{seconds_of(row.gap_us):.3f}" if row.gap_us > 0 else ""
 
 
+def _penalty(given_us: int) -> str:
+    """Return a penalty in words, one below 0 as what was taken back."""
+    words = "s penalty" if given_us >= 0 else "s of penalties taken back"
+    return f"{seconds_of(abs(given_us)):g} {words}"
+
+
 def _penalties(row: Standing) -> str:
     return f"+{seconds_of(row.penalty_us):g} s" if row.penalties else "–"
 
@@ -174,7 +180,7 @@ def event_text(event: Event, names: Sequence[str], items: Sequence[str]) -> str:
         EventKind.OFF_TRACK: f"{who} leaves the track" if event.value else "",
         EventKind.STUCK: f"{who} is stuck",
         EventKind.RESCUED: f"{who} is put back on the line",
-        EventKind.PENALTY: f"{who}: {seconds_of(event.value):g} s penalty",
+        EventKind.PENALTY: f"{who}: {_penalty(event.value)}",
         EventKind.RACE_OVER: "the race is over",
         EventKind.WARNING: f"{who} is warned for driving into {other}",
         EventKind.PARKED: f"{who} is parked{_slot(event.other)}",

@@ -41,6 +41,7 @@ def _rehearse(scenario: Scenario) -> None:
     rehearsal.advance(1)
     rehearsal.race_control.show_flag(Flag.YELLOW)
     rehearsal.race_control.penalise(0, 1.0)
+    rehearsal.race_control.penalise(0, -1.0)
     rehearsal.race_control.penalise_late(0, 1.0)
     rehearsal.place_karts(np.zeros((1, len(PLACEMENT))))
     rehearsal.leave(0)

@@ -103,6 +103,7 @@ export const en = {
     stuck: (who: string) => `${who} is stuck`,
     rescued: (who: string) => `${who} is put back on the line`,
     penalty: (who: string, seconds: string) => `${who}: ${seconds} s penalty`,
+    takenBack: (who: string, seconds: string) => `${who}: ${seconds} s of penalties taken back`,
     flag: (flag: string) => `Race control: ${flag} flag`,
     flagAround: (flag: string, who: string) => `${flag} flag around ${who}`,
     raceOver: 'The race is over',

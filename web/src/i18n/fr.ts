@@ -102,6 +102,7 @@ export const fr: Words = {
     stuck: (who) => `${who} est bloqué`,
     rescued: (who) => `${who} est remis sur la ligne`,
     penalty: (who, seconds) => `${who} : pénalité de ${seconds} s`,
+    takenBack: (who, seconds) => `${who} : ${seconds} s de pénalité retirées`,
     flag: (flag) => `Direction de course : drapeau ${flag}`,
     flagAround: (flag, who) => `drapeau ${flag} autour de ${who}`,
     raceOver: 'La course est terminée',

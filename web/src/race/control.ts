@@ -114,7 +114,9 @@ function textOf(event: EventFrame, cast: Cast, words: Words): string {
     case EventKind.RESCUED:
       return say.rescued(who);
     case EventKind.PENALTY:
-      return say.penalty(who, secondsText(event.value));
+      return event.value < 0
+        ? say.takenBack(who, secondsText(-event.value))
+        : say.penalty(who, secondsText(event.value));
     case EventKind.FLAG:
       return event.kart >= 0
         ? say.flagAround(words.flags[event.other] ?? '', who)

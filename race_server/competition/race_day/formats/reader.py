@@ -43,6 +43,11 @@ def read_format(path: Path) -> Format:
                 f"{path}: {stage.name}: least_points = {stage.least_points}: give at most "
                 f"best_points, which is {stage.best_points}"
             )
+        if isinstance(stage, Races) and stage.least > stage.most:
+            raise ScenarioError(
+                f"{path}: {stage.name}: least = {stage.least}: give at most most, which is "
+                f"{stage.most}"
+            )
     return form
 
 
@@ -116,8 +121,6 @@ def _races(reader: TomlReader) -> Races:
         raise reader.wrong("points", points, f"give whole numbers from 0 to {MOST_POINTS}")
     most = _whole(reader, "most", plain.most, 1, MOST_KARTS)
     least = _whole(reader, "least", min(plain.least, most), 1, MOST_KARTS)
-    if least > most:
-        raise reader.wrong("least", least, f"give at most `most`, which is {most}")
     return Races(
         name=reader.text("name", "Race"),
         tracks=tracks,
