@@ -7,13 +7,13 @@ the way there from then on, and slower still where it does so again.
 import math
 
 from race_agents.planning.clearance import reach_aside
-from race_agents.planning.tactics import KARTS_X, SPEED
+from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import HEADING
-from race_agents.planning.traffic import KARTS_Y, LEFT, LIGHTS, OFFSET, RIGHT, STEP
+from race_agents.planning.traffic import LEFT, LIGHTS, OFFSET, RIGHT, STEP, is_alone
 from race_agents.planning.tyre_slip import GRIP_SCALE
 from race_server.core.kernel_driver import KEPT, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
-from race_server.core.observation import AHEAD, NEARBY, PART_NUMBERS
+from race_server.core.observation import AHEAD, PART_NUMBERS
 
 PROGRESS = PART_NUMBERS["progress"]
 LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
@@ -68,13 +68,7 @@ def drives_alone(cockpit: Cockpit) -> bool:
         return False
     if observation[offsets[GRIP_SCALE]] < GRIPPING:
         return False
-    for index in range(NEARBY):
-        away = math.hypot(
-            observation[offsets[KARTS_X] + index], observation[offsets[KARTS_Y] + index]
-        )
-        if away < PUSHED_LENGTHS * cockpit.vehicle.length:
-            return False
-    return True
+    return is_alone(cockpit, PUSHED_LENGTHS)
 
 
 @kernel

@@ -11,8 +11,8 @@ from race_agents.planning.delay_compensation import look_ahead
 from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, SPEED, WRONG_WAY, escape
-from race_agents.planning.tracking import DELAY_S, excess_yaw_rate, yaw_damping
-from race_agents.planning.traffic import wait_in_line
+from race_agents.planning.tracking import DELAY_S, JAM_LENGTHS, excess_yaw_rate, yaw_damping
+from race_agents.planning.traffic import is_alone, wait_in_line
 from race_server.core.kernel_driver import (
     ATTEMPTS,
     REVERSING,
@@ -27,8 +27,8 @@ from race_server.core.kernels.jit import kernel
 # TIMES that of the line's own controller at the second. Few places of a training are as fast, and
 # there a network lets the rear axle slide further than it can catch it.
 FAST, FASTEST, TIMES = 0.7, 0.8, 2.0
-# From this attempt to get free on, until it is forgotten, a kart goes back to its line as
-# `raceline` does.
+# From this attempt to get free on, until it is forgotten, a kart that is alone goes back to its
+# line as `raceline` does.
 HELPED_FROM = 2.0
 
 
@@ -71,7 +71,7 @@ def remember(cockpit: Cockpit) -> None:
     if must_stand or observation[offsets[WRONG_WAY]] > 0.0:
         # A network that is turned round may turn back by itself.
         memory[STANDING] = memory[REVERSING] = 0.0
-    elif memory[ATTEMPTS] >= HELPED_FROM:
+    elif memory[ATTEMPTS] >= HELPED_FROM and is_alone(cockpit, JAM_LENGTHS):
         buttons = control[3]
         drive_in_lane(cockpit, 0.0)
         control[3] = buttons

@@ -10,6 +10,7 @@ import math
 
 from race_agents.planning.latency import STEERING, take_up_play
 from race_agents.planning.tactics import SPEED
+from race_agents.planning.traffic import is_alone
 from race_agents.planning.tyre_slip import (
     GRIP_SCALE,
     LATERAL_SPEED,
@@ -64,9 +65,10 @@ FREQUENCY, STIFF_FREQUENCY, DAMPING, YAW_DAMPING = 10.0, 6.5, 0.9, 0.6
 YAW_RATE_DAMPING = 8.0
 # An offset is never closed at a steeper angle, of this sine, nor faster than what this share of the
 # grip brings to rest on the line. Each attempt to get free adds to the sine, up to a bound: a kart
-# that stands at a wall between it and the line comes past its end so.
+# that stands at a wall between it and the line comes past its end so. Not where others are within
+# this number of lengths: in a jam it would cut across them.
 STEEPEST, JOINING = 0.35, 0.4
-STEEPER, STEEPEST_OF_ALL = 0.3, 0.95
+STEEPER, STEEPEST_OF_ALL, JAM_LENGTHS = 0.3, 0.95, 5.0
 # Square of the share of the grip that brakes have in any bend.
 LEAST_BRAKES = 0.05
 # Share of the slip at which a tyre slides altogether that the front wheels may have.
@@ -242,7 +244,9 @@ def steering_on_line(cockpit: Cockpit, shift: float, force: float) -> float:
     look = 2.0 * DAMPING * speed / frequency
     gain = frequency * frequency * wheelbase / max(speed * speed, 4.0)
     closing = math.sqrt(2.0 * JOINING * grip_of(cockpit) * abs(offset))  # [m/s] across the line
-    steepest = min(STEEPEST + STEEPER * cockpit.memory[ATTEMPTS], STEEPEST_OF_ALL)
+    steepest = STEEPEST
+    if cockpit.memory[ATTEMPTS] > 0.0 and is_alone(cockpit, JAM_LENGTHS):
+        steepest = min(STEEPEST + STEEPER * cockpit.memory[ATTEMPTS], STEEPEST_OF_ALL)
     most = look * min(steepest, closing / speed)
     offset = min(max(offset, -most), most)
     angle = math.atan(wheelbase * bend) + front_slip - rear_slip

@@ -43,6 +43,21 @@ WAITING = 0.8
 NOWHERE = 1e3
 
 
+@kernel
+def is_alone(cockpit: Cockpit, lengths: float) -> bool:
+    """Return whether no other kart is known within this number of lengths."""
+    observation, offsets = cockpit.observation, cockpit.offsets
+    if offsets[KARTS_X] < 0:
+        return True
+    for index in range(NEARBY):
+        away = math.hypot(
+            observation[offsets[KARTS_X] + index], observation[offsets[KARTS_Y] + index]
+        )
+        if away < lengths * cockpit.vehicle.length:
+            return False
+    return True
+
+
 @large_kernel
 def on_line(cockpit: Cockpit, x: float, y: float) -> tuple[float, float, float, float]:
     """Return where a point of the kart frame is: along the line and left of it [m].

@@ -16,6 +16,7 @@ from race_agents.planning.latency import (
     take_up_play,
 )
 from race_agents.planning.tracking import speed_on_line, steering_on_line
+from race_agents.planning.traffic import NOWHERE
 from race_agents.planning.tyre_slip import rear_effort, tyre_slip
 from race_server.competition.race_day.formats import Obstacles
 from race_server.competition.race_day.obstacles import with_obstacles
@@ -282,24 +283,30 @@ def test_a_loose_and_late_steering_touches_nothing(driver: str, gap: str) -> Non
     assert lap.time_s < 1.07 * limit
 
 
-@pytest.mark.parametrize(("attempts", "sine"), [(0.0, 0.35), (1.0, 0.65), (2.0, 0.95), (9.0, 0.95)])
-def test_each_attempt_to_get_free_lets_a_kart_come_back_to_its_line_more_steeply(
-    attempts: float, sine: float
+@pytest.mark.parametrize(
+    ("attempts", "ahead", "sine"),
+    [(0.0, NOWHERE, 0.35), (1.0, NOWHERE, 0.65), (9.0, NOWHERE, 0.95), (9.0, 1.0, 0.35)],
+)
+def test_each_attempt_to_get_free_lets_a_kart_come_back_more_steeply_but_in_a_jam(
+    attempts: float, ahead: float, sine: float
 ) -> None:
-    """A metre left of a straight line it turns right until the sine of its angle is this."""
+    """A metre left of a straight line it turns right until the sine of its angle is this.
+
+    ahead: where the next kart is [m].
+    """
     too_flat, too_steep = (
-        steering_at(attempts, line_offset=1.0, line_heading=-math.asin(sine) * share)
+        steering_at(attempts, line_offset=1.0, line_heading=-math.asin(sine) * share, karts_x=ahead)
         for share in (0.9, 1.1)
     )
     assert too_flat < 0.0 < too_steep
 
 
 def steering_at(attempts: float, **seen: float) -> float:
-    """Return how a kart that stands steers. seen: first numbers of parts of its observation."""
+    """Return how a kart that stands steers. seen: parts of its observation."""
     layout = layout_of("line", 0)
     cockpit = cockpit_for(briefing("line"), layout)
     cockpit.memory[ATTEMPTS] = attempts
     cockpit.observation[layout.slices["line_step"]] = 0.2
     for name, value in seen.items():
-        cockpit.observation[layout.slices[name].start] = value
+        cockpit.observation[layout.slices[name]] = value
     return steering_on_line(cockpit, 0.0, 0.0)
