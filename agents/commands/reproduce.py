@@ -92,7 +92,7 @@ def _list(titles: dict[str, str], *, as_json: bool) -> None:
 
 @contextmanager
 def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionProgress"], None]]:
-    """Show how many runs are finished; without a terminal, print each."""
+    """Show how many runs are finished; without a terminal, print each as it begins and ends."""
     from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
     columns = (
@@ -103,12 +103,17 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionPr
     )
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bar:
         task = bar.add_task("reproduction", total=1.0)
+        begun: set[str] = set()
 
         def tell(news: "ReproductionProgress") -> None:
             bar.update(task, completed=news.done, total=news.trainings, description=news.name)
-            if isinstance(news.done, int) and not quiet and not console.is_terminal:
-                text = f"{news.done} of {news.trainings}: {news.name}"
-                console.print(text, highlight=False)
+            if quiet or console.is_terminal:
+                return
+            if isinstance(news.done, int):
+                console.print(f"{news.done} of {news.trainings}: {news.name}", highlight=False)
+            elif news.name not in begun:
+                begun.add(news.name)
+                console.print(f"learns: {news.name}", highlight=False)
 
         yield tell
 

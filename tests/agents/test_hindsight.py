@@ -62,7 +62,9 @@ class Rail(gymnasium.Env[Any, Any]):
 def buffer_of(rail: Rail, **options: Any) -> Hindsight:
     """Return a buffer with one way on the rail."""
     env = DummyVecEnv([lambda: rail])
-    held = Hindsight(10, env.observation_space, env.action_space, env=env, **options)
+    held = Hindsight(
+        10, env.observation_space, env.action_space, env=env, copy_info_dict=True, **options
+    )
     before: Any = env.reset()
     for _ in range(3):
         after, rewards, dones, infos = env.step(np.zeros((1, 2)))
