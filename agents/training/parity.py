@@ -1,5 +1,6 @@
 """A policy's file beside the learner that it was exported from."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,10 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
     budget = Budget.of(settings)
     world = world_of(settings, budget)
     try:
-        learner = learner_of(settings, world, budget, None)
+        with warnings.catch_warnings():
+            # Its minibatches do not fit the small world, in which nothing is trained.
+            warnings.filterwarnings("ignore", module="stable_baselines3")
+            learner = learner_of(settings, world, budget, None)
         load_checkpoint(run / BEST, learner, world, budget)
         return difference(policy, learner, world, seen)
     finally:
