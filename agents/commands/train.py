@@ -335,5 +335,5 @@ def _show_marks(outcome: "TrainingResult", settings: "Settings", console: Consol
         table.add_column(column.replace(" [", ", ").removesuffix("]"), justify="right")
     for one in outcome.marks:
         table.add_row(one.course, *one.cells(), f"{one.reward:.1f}")
-    Console().print(table)
+    Console().print_whole(table)
     console.print(f"drive it: {ways_to_drive(outcome.folder, settings)[0]}", soft_wrap=True)
