@@ -156,14 +156,19 @@ def _in_order(_logger: Any, _method: str, line: Any) -> Any:
 
 def words_of(text: str) -> str:
     """Return a line of a log as a person reads it; what is no JSON is returned as it is."""
-    try:
-        line = json.loads(text)
-    except ValueError:
-        return text
-    if not isinstance(line, dict) or "event" not in line:
+    if not (line := _facts_in(text)):
         return text
     facts = [f"{k} {v}" for k, v in line.items() if k not in {"event", "level", "timestamp"}]
     return ": ".join(part for part in (line["event"], ", ".join(facts)) if part)
+
+
+def _facts_in(text: str) -> dict[str, Any]:
+    """Return the event of a line of a log with its facts, nothing for a line of something else."""
+    try:
+        line = json.loads(text)
+    except ValueError:
+        return {}
+    return line if isinstance(line, dict) and "event" in line else {}
 
 
 def last_words(log: Path, lines: int = 1) -> str:
@@ -178,14 +183,8 @@ def warnings_in(log: Path) -> list[str]:
     Each of them once, with the reason that it gives.
     """
     found, listens = [], False
-    for line in log.read_text(errors="replace").splitlines():
-        try:
-            words = json.loads(line)
-        except ValueError:
-            continue
-        if not isinstance(words, dict) or "event" not in words:
-            continue
-        listens = listens or words["event"] == LISTENING
-        if listens and words.get("level") == "warning" and not words.keys() - _OF_ALL:
-            found.append(f"{words['event']}: {words['why']}" if "why" in words else words["event"])
+    for line in map(_facts_in, log.read_text(errors="replace").splitlines()):
+        listens = listens or line.get("event") == LISTENING
+        if listens and line.get("level") == "warning" and not line.keys() - _OF_ALL:
+            found.append(": ".join(str(line[name]) for name in ("event", "why") if name in line))
     return list(dict.fromkeys(found))

@@ -1,7 +1,6 @@
 """`race reproduce`: repeat the experiments of a published report beside its own figures."""
 
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -54,6 +53,7 @@ def reproduce(
     with brought_by("train"):
         from race_agents.reproductions.registry import reproduction_named, reproduction_names
         from race_agents.reproductions.run import reproduce as reproduce_it
+        from race_agents.training.learner import without_warnings
     if not name:
         _list({one: reproduction_named(one).title for one in reproduction_names()}, as_json=as_json)
         return
@@ -61,8 +61,7 @@ def reproduce(
     place = out or RESULTS / (f"{name}-quick" if quick else name)
     console = Console(stderr=True)
     try:
-        with _bar(console, quiet=as_json) as tell, warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="stable_baselines3")
+        with _bar(console, quiet=as_json) as tell, without_warnings():
             outcome = reproduce_it(
                 name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
             )

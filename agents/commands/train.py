@@ -2,7 +2,6 @@
 
 import json
 import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -115,6 +114,7 @@ def train(options: TrainOptions) -> None:
     """Train a policy to drive or to park: `race train time-trial --minutes 5`."""
     with brought_by("train"):
         from race_agents.training import folder
+        from race_agents.training.learner import without_warnings
         from race_agents.training.run import train as train_one
         from race_agents.training.together import train_together
     console = Console(stderr=True)
@@ -128,9 +128,8 @@ def train(options: TrainOptions) -> None:
         folder.occupied(place),
         nullcontext() if options.resume else _left_clean(place),
         _bar(settings, console, quiet=options.as_json) as tell,
-        warnings.catch_warnings(),
+        without_warnings(),
     ):
-        warnings.filterwarnings("ignore", module="stable_baselines3")
         options_of_run: dict[str, Any] = {
             "resume": bool(options.resume),
             "tell": tell,

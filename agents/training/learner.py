@@ -1,7 +1,9 @@
 """The learner: Stable-Baselines3's algorithm on the training world, made from settings."""
 
 import inspect
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -95,6 +97,14 @@ def _judged(settings: Settings, karts: VecEnv) -> VecEnv:
         judge = Curious(curiosity, size, width, settings.seed)
         karts = RewardWrapper(karts, judge, own_share=1.0, decisions=curiosity.decisions)
     return karts
+
+
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Hide what Stable-Baselines3 warns of: settings are checked here."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="stable_baselines3")
+        yield
 
 
 def learner_of(

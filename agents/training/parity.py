@@ -1,6 +1,5 @@
 """A policy's file beside the learner that it was exported from."""
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from race_agents.training.budget import Budget
 from race_agents.training.checkpoint import load_checkpoint
 from race_agents.training.export import difference
 from race_agents.training.folder import settings_in
-from race_agents.training.learner import learner_of, world_of
+from race_agents.training.learner import learner_of, without_warnings, world_of
 from race_agents.training.settings import Curiosity, Gail, Settings, Tracks
 from race_agents.training.tasks import courses_of
 
@@ -28,9 +27,8 @@ def difference_in(run: Path, policy: Policy, seen: Rows) -> float:
     budget = Budget.of(settings)
     world = world_of(settings, budget)
     try:
-        with warnings.catch_warnings():
-            # Its minibatches do not fit the small world, in which nothing is trained.
-            warnings.filterwarnings("ignore", module="stable_baselines3")
+        # Its minibatches do not fit the small world, in which nothing is trained.
+        with without_warnings():
             learner = learner_of(settings, world, budget, None)
         load_checkpoint(run / BEST, learner, world, budget)
         return difference(policy, learner, world, seen)

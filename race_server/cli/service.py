@@ -196,12 +196,12 @@ def _serve_event(
         if service.result is not None:
             with _survived(log, f"the event is not in {service.result}; make room"):
                 write_whole(service.result, json.dumps(event_document(day, state)))
+        if over is not None or not state.is_final:
+            return  # it was printed, or will be
         with _survived(log, "the result is not printed"):
-            if over is not None:
-                return  # it was printed
-            if state.is_final and service.as_json:
+            if service.as_json:
                 print_document(event_document(day, state))
-            elif state.is_final:
+            else:
                 print_tables(day.plan, day.ledger, Console())
 
     seats, name = len(server.session.seats), file_name(server)

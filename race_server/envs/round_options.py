@@ -37,15 +37,7 @@ class RoundOptions:
         Raises:
             ScenarioError: there is no such option, or it does not go with another.
         """
-        if not isinstance(options, Mapping | None):
-            raise ScenarioError(f"reset options {options!r}: give them by name, in a dictionary")
-        given = {key: value for key, value in (options or {}).items() if key not in MEANINGLESS}
-        known = [each.name for each in fields(cls)]
-        for key in given:
-            if key not in known:
-                raise ScenarioError(
-                    f"reset option {key!r} is unknown; choose of {', '.join(known)}"
-                )
+        given = known_options(options, [each.name for each in fields(cls)])
         if "grid" in given:
             given["grid"] = _grid_of(given["grid"])
         if not isinstance(given.get("gap", {}), Mapping):
@@ -54,6 +46,23 @@ class RoundOptions:
             others = ", ".join(sorted(given.keys() - {"state"}))
             raise ScenarioError(f"reset options state and {others}: a state says where all begins")
         return cls(**given)
+
+
+def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """Return what is asked of a reset, without what means nothing.
+
+    Raises:
+        ScenarioError: it is no dictionary, or something in it is not known.
+    """
+    if not isinstance(options, Mapping | None):
+        raise ScenarioError(f"reset options {options!r}: give them by name, in a dictionary")
+    given = {key: value for key, value in (options or {}).items() if key not in MEANINGLESS}
+    for key in given:
+        if key not in known:
+            raise ScenarioError(
+                f"reset option {key!r} is unknown; choose of {', '.join(known) or 'none'}"
+            )
+    return given
 
 
 def _grid_of(places: Any) -> tuple[int, ...]:

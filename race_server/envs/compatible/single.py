@@ -1,6 +1,6 @@
 """Gymnasium: one car under the rules of an environment of highway-env."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import gymnasium
@@ -8,21 +8,8 @@ import gymnasium
 from race_server.envs.camera import Camera
 from race_server.envs.compatible.cars import Array, Cars, each, numbers_of
 from race_server.envs.compatible.config import Config, config_of
-from race_server.envs.round_options import MEANINGLESS
+from race_server.envs.round_options import known_options
 from race_server.envs.single import OneKart
-from race_server.errors import ScenarioError
-
-
-def check_options(options: Any, known: Sequence[str] = ("config",)) -> None:
-    """Check that what is asked of an episode is known.
-
-    Raises:
-        ScenarioError: it is not.
-    """
-    if unknown := [key for key in options or {} if key not in {*known, *MEANINGLESS}]:
-        raise ScenarioError(
-            f"reset option {unknown[0]!r} is unknown; choose of {', '.join(known) or 'none'}"
-        )
 
 
 class CompatibleEnv(gymnasium.Env[Any, Array]):
@@ -70,9 +57,8 @@ class CompatibleEnv(gymnasium.Env[Any, Array]):
             ScenarioError: the configuration is not valid.
         """
         super().reset(seed=seed)
-        check_options(options)
-        if options and options.get("config"):
-            self._build({**self.config, **options["config"]})
+        if config := known_options(options, ("config",)).get("config"):
+            self._build({**self.config, **config})
         self.cars.begin(0, seed, self.np_random)
         action = self.action_space.sample()
         return self._seen(), self._told(self.cars.infos(action[None]), action)

@@ -9,7 +9,7 @@ from gymnasium.vector.utils import batch_space
 
 from race_server.envs.camera import VECTOR_RENDER_MODES, VectorCamera
 from race_server.envs.compatible.cars import Array, Cars, Moved, each, numbers_of
-from race_server.envs.compatible.single import check_options
+from race_server.envs.round_options import known_options
 from race_server.envs.single import OneKart
 from race_server.errors import ScenarioError
 
@@ -55,7 +55,7 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
         Raises:
             ScenarioError: a list has not as many seeds, or there are options.
         """
-        check_options(options, known=())
+        known_options(options, ())
         if isinstance(seed, int | np.integer):
             seed = [int(seed) + number for number in range(self.num_envs)]
         seeds = [None] * self.num_envs if seed is None else list(seed)

@@ -33,6 +33,7 @@ class Corridor:
     outside: int  # number of the part around the corridor
     island: int  # number of the largest part that it leads around
     others: int = 0  # free parts beside it that lead around islands not much smaller
+    is_at_frame: bool = False  # the edge of the picture is a border of it
 
 
 def find_corridor(occupancy: OccupancyMap) -> Corridor:
@@ -53,7 +54,8 @@ def find_corridor(occupancy: OccupancyMap) -> Corridor:
     touching = np.unique(np.concatenate([parts.of[1, :], parts.of[-2, :], *parts.of[:, [1, -2]].T]))
     large = np.flatnonzero(parts.sizes >= LEAST_SHARE * parts.sizes.sum())
     extents = {part: _extent(parts.of == part) for part in large}
-    for group in (np.setdiff1d(large, touching), np.intersect1d(large, touching)):
+    within, at_frame = np.setdiff1d(large, touching), np.intersect1d(large, touching)
+    for group in (within, at_frame):
         best: Corridor | None = None
         islands: list[float] = []  # extents
         # No island is larger than what surrounds it.
@@ -70,7 +72,7 @@ def find_corridor(occupancy: OccupancyMap) -> Corridor:
                         best = Corridor(free, walls, outside, island)
         if best is not None:
             others = sum(extent > LOOP_SHARE * max(islands) for extent in islands) - 1
-            return replace(best, others=others)
+            return replace(best, others=others, is_at_frame=group is at_frame)
     raise TrackError(f"{name}: the free space has no island in it: no closed corridor")
 
 
@@ -90,12 +92,6 @@ def other_loops(corridor: Corridor) -> int:
     large = np.flatnonzero(walls.sizes >= np.sqrt(0.5) * least).tolist()
     others = set(large) - {corridor.outside, corridor.island}
     return sum(_extent(walls.of == part) >= least for part in others)
-
-
-def touches_frame(corridor: Corridor) -> bool:
-    """Return whether the edge of the picture is a border of the corridor."""
-    free = corridor.free  # with a frame of one pixel around the picture
-    return bool(free[[1, -2]].any() or free[:, [1, -2]].any())
 
 
 def _extent(mask: Mask) -> float:

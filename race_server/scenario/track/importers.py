@@ -12,7 +12,7 @@ from race_server.kept_file import write_together
 from race_server.printable import printable
 from race_server.scenario.toml_reader import MOST_LETTERS
 from race_server.scenario.track.build import SCALES, scale_for
-from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops, touches_frame
+from race_server.scenario.track.corridor import Corridor, find_corridor, other_loops
 from race_server.scenario.track.course import Course, Floats
 from race_server.scenario.track.highway_roads import PREFIX as HIGHWAY
 from race_server.scenario.track.highway_roads import highway_file
@@ -76,7 +76,8 @@ def import_course(
     corridor = find_corridor(occupancy) if occupancy else None
     points = points_in(occupancy, corridor) if occupancy and corridor else read_tum(source)
     report(0.3)
-    likely = scale_for(float(points[:, 2:].sum(axis=1).mean()))
+    width = float(points[:, 2:].sum(axis=1).mean())
+    likely = scale_for(width)
     words = line_file(points, f"Imported from {source.name}", scale or likely, title).encode()
     try:
         course = course_in(target.stem, target.name, words)
@@ -91,7 +92,7 @@ def import_course(
     files[target] = words
     _write(files, target)
     report(1.0)
-    return Imported(course, scale or likely, likely, _remark_on(points, corridor))
+    return Imported(course, scale or likely, likely, _remark_on(points, width, corridor))
 
 
 def _import_highway(name: str, target: Path, scale: str) -> Imported:
@@ -157,9 +158,8 @@ def _check_line(course: Course, occupancy: OccupancyMap) -> None:
         )
 
 
-def _remark_on(points: Floats, corridor: Corridor | None) -> str:
-    """Return a sentence on what may be wrong with a course, "" for nothing."""
-    width = float(points[:, 2:].sum(axis=1).mean())
+def _remark_on(points: Floats, width: float, corridor: Corridor | None) -> str:
+    """Return a sentence on what may be wrong with a course, "" for nothing. width: the mean [m]."""
     if width > WIDEST:
         unit = "resolution: metres for each pixel" if corridor else "all columns are in metres"
         return f"it is {width:.0f} m wide on average: check the unit ({unit})"
@@ -171,7 +171,7 @@ def _remark_on(points: Floats, corridor: Corridor | None) -> str:
             f"the last point is {last:.2f} m from the first, and others are {max(steps):.2f} m "
             "apart at most: the course closes across that gap, where it may not lead"
         )
-    if touches_frame(corridor):
+    if corridor.is_at_frame:
         return (
             "the course reaches the edge of the picture, where no wall stands: leave a margin, "
             "draw its walls shut, or swap light and dark with negate, where they are the other "
