@@ -161,7 +161,7 @@ def test_no_name_is_a_formula_in_a_table_for_spreadsheets(
     path: Path, tmp_path: Path, name: str
 ) -> None:
     fill(path, a_race(name, "bob"), Lap(0, 1, 8, (), True))
-    export(all_laps(path), tmp_path / "laps.csv")
+    export(all_laps(path), tmp_path / "laps.csv", "laps")
     with (tmp_path / "laps.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["driver"] == f"'{printable(name)}"

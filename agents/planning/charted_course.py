@@ -174,9 +174,10 @@ def course_between(left: Floats, right: Floats, path: Floats, scale: str) -> Cou
 def line_on(course: Course, vehicle: Vehicle) -> ReferenceLine:
     """Return the line to race; the centre line where nothing solves it."""
     bounds = bounds_of(vehicle)
+    search = Search(MORE_ROOM * vehicle.width, LEAST, ROUGH, follows=True)
     try:
         load_casadi()
-        found = fastest_of(course, bounds, Search(MORE_ROOM * vehicle.width, LEAST, ROUGH))
+        found = fastest_of(course, bounds, search)
     except RaceError as error:
         return stand_in(course, bounds, f"{error}; the centre line stands in for the line to race")
     return line_of(course, raceline_of(found.frame, bounds, found.best))

@@ -1,5 +1,6 @@
 """Metadata of a policy file: its observations, the meaning of its actions, its training."""
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -15,6 +16,7 @@ from race_server.scenario.sensors import MOST_RAYS
 # Increase it when the meaning of an observation part or of an action changes.
 VERSION = 1
 KEY = "race-server-policy"  # of the metadata of the ONNX file
+DIGEST = "race-server-digest"  # the same, of its network and the metadata above
 INPUT, OUTPUT = "observation", "action"
 MOST_BITS = 64  # of an integer
 MOST_DECISION_S = 10.0
@@ -72,6 +74,13 @@ class PolicyMetadata:
     def as_text(self) -> str:
         """Return everything as JSON."""
         return json.dumps(asdict(self))
+
+
+def digest_of(graph: bytes | memoryview, words: str) -> str:
+    """Return a digest of a network, as its file holds it, and of its metadata under KEY."""
+    digest = hashlib.sha256(graph)
+    digest.update(words.encode())
+    return digest.hexdigest()
 
 
 def metadata_of(metadata: Mapping[str, str], name: str) -> PolicyMetadata:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from race_agents.policies.metadata import INPUT, OUTPUT
+from race_agents.policies.metadata import DIGEST, INPUT, KEY, OUTPUT, digest_of
 from race_agents.policies.protobuf import DamageError, Field, Fields, Kind, Reader, text_of
 from race_server.errors import DriverError
 
@@ -158,7 +158,9 @@ def network_in(data: bytes, name: str) -> Network:
     try:
         _check_opsets(reader, model)
         columns, answers = _check_graph(reader, reader.read(model["graph"][0], GRAPH))
-        return Network(_metadata_in(reader, model), columns, answers)
+        metadata = _metadata_in(reader, model)
+        _check_digest(model["graph"][0], metadata)
+        return Network(metadata, columns, answers)
     except DamageError as error:
         raise _refusal(name, error) from error
 
@@ -184,6 +186,12 @@ def _metadata_in(reader: Reader, model: Fields) -> dict[str, str]:
         entry = reader.read(data, ENTRY)
         found[_text(entry, "key")] = _text(entry, "value")
     return found
+
+
+def _check_digest(graph: memoryview, metadata: dict[str, str]) -> None:
+    """Compare a file with what was exported; those of earlier versions have no digest."""
+    if DIGEST in metadata and metadata[DIGEST] != digest_of(graph, metadata.get(KEY, "")):
+        raise DamageError("is not as it was exported: its digest is another one")
 
 
 def _check_graph(reader: Reader, body: Fields) -> tuple[int, int]:

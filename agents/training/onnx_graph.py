@@ -8,7 +8,14 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from race_agents.policies.metadata import INPUT, KEY, OUTPUT, PolicyMetadata
+from race_agents.policies.metadata import (
+    DIGEST,
+    INPUT,
+    KEY,
+    OUTPUT,
+    PolicyMetadata,
+    digest_of,
+)
 from race_server.kept_file import write_file
 from race_server.version import __version__
 
@@ -70,6 +77,8 @@ def policy_of(model: Any, metadata: PolicyMetadata) -> bytes:
     Raises:
         onnx.checker.ValidationError: ONNX does not take the model.
     """
-    helper.set_model_props(model, {KEY: metadata.as_text()})
+    words = metadata.as_text()
+    digest = digest_of(model.graph.SerializeToString(), words)
+    helper.set_model_props(model, {KEY: words, DIGEST: digest})
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())

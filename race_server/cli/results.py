@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.table import Table
@@ -118,17 +118,22 @@ def edition_of(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
 
 
 @app.command("export")
-def export_laps(
+def export_table(
     to: Annotated[Path, typer.Argument(help="Table to write: a .csv or .parquet file.")],
+    rows: Annotated[
+        Literal["laps", "classification"],
+        typer.Option(help="Export every lap, or the place of every kart in every race."),
+    ] = "laps",
     results: Results = "",
 ) -> None:
-    """Export every lap with all its columns to a table."""
+    """Export every lap, or the classification of every race, to a table."""
     from race_server.storage.results.export import export
-    from race_server.storage.results.queries import all_laps
+    from race_server.storage.results.queries import all_laps, classifications
 
-    laps = all_laps(_file(results))
-    export(laps, to)
-    say(f"{to}: {len(laps)} laps")
+    ask = all_laps if rows == "laps" else classifications
+    found = ask(_file(results))
+    export(found, to, rows)
+    say(f"{to}: {len(found)} {'laps' if rows == 'laps' else 'rows'}")
 
 
 @app.command()

@@ -116,7 +116,7 @@ def test_a_corner_that_was_grazed_is_not_grazed_again() -> None:
     course, bounds = load_course("generated:spline:1000022"), bounds_of(TT02)
     # The fastest lap of all, which keeps no more room where it is fast.
     line = line_of(course, reference_limit(course, TT02).minimum_time)
-    speed = slowed(line.speed, line.curvature, line.spacing, TT02, bounds)
+    speed = slowed(line.speed, line.curvature, line.spacing, bounds)
     laps = Scenario(course, karts=1, line=replace(line, speed=speed))
     contacts = []
     for count in (1, 4):

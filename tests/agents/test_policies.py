@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
 from race_agents.policies.verification import observations_of, times_of
+from race_agents.training.onnx_graph import policy_of
 from race_agents.training.run import TrainingResult
 from race_server.cli.main import app
 from race_server.core.driver import driver_named
@@ -19,6 +20,7 @@ from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import task_on
 from race_server.envs.task import Task
+from race_server.errors import DriverError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
 from support.trainings import QUICK, Train, write_lapping_policy
@@ -75,10 +77,22 @@ def test_a_file_that_answers_otherwise_than_its_learner_fails(
     model = onnx.load(outcome.folder / "policy.onnx")
     bias = next(one for one in model.graph.initializer if one.dims == [3])
     bias.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(bias) + 0.01, bias.name))
-    onnx.save(model, tmp_path / "policy.onnx")
+    exported = policy_of(model, Policy(outcome.folder / "policy.onnx").metadata)
+    (tmp_path / "policy.onnx").write_bytes(exported)
     done = CliRunner().invoke(app, ["policy", "check", str(tmp_path), "--observations", "100"])
     assert done.exit_code == 1
     assert "export it again" in done.output
+
+
+def test_a_file_with_one_byte_changed_in_its_weights_is_refused(
+    outcome: TrainingResult, tmp_path: Path
+) -> None:
+    data = bytearray((outcome.folder / "policy.onnx").read_bytes())
+    data[len(data) // 2] ^= 1
+    path = tmp_path / "policy.onnx"
+    path.write_bytes(data)
+    with pytest.raises(DriverError, match="not as it was exported"):
+        Policy(path)
 
 
 def test_a_file_alone_is_timed_and_says_so(lapping: Path) -> None:

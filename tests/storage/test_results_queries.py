@@ -15,7 +15,13 @@ from race_server.cli.results import app, edition_of
 from race_server.errors import ResultsError
 from race_server.session.lap_log import Lap
 from race_server.storage.results.export import export
-from race_server.storage.results.queries import all_laps, best_laps, finished_races, races
+from race_server.storage.results.queries import (
+    all_laps,
+    best_laps,
+    classifications,
+    finished_races,
+    races,
+)
 from race_server.storage.results.ratings import ratings
 from support.results import a_race, fill, outcome
 
@@ -67,26 +73,56 @@ def test_the_best_lap_is_that_of_each_driver_on_each_track(path: Path) -> None:
 def test_an_export_holds_every_lap_in_both_formats(path: Path, tmp_path: Path) -> None:
     two_tracks(path)
     laps = all_laps(path)
-    export(laps, tmp_path / "laps.csv")
+    export(laps, tmp_path / "laps.csv", "laps")
     with (tmp_path / "laps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["time_us"]) for row in rows] == [lap["time_us"] for lap in laps]
     assert rows[0]["driver"] == "ann"
     parquet = pytest.importorskip("pyarrow.parquet")
-    export(laps, tmp_path / "laps.parquet")
+    export(laps, tmp_path / "laps.parquet", "laps")
     assert parquet.read_table(tmp_path / "laps.parquet").to_pylist() == laps
+
+
+def test_an_export_of_classifications_has_a_row_for_each_kart_of_each_race(
+    path: Path, tmp_path: Path
+) -> None:
+    two_tracks(path)
+    places = classifications(path)
+    first, second, *unfinished = places
+    assert (first["driver"], first["rank"], first["laps"]) == ("ann", 1, 2)
+    assert (first["best_lap_us"], second["best_lap_us"]) == (8_000_000, 8_500_000)
+    assert [(row["driver"], row["rank"], row["laps"]) for row in unfinished] == [
+        ("bob", None, 1),
+        ("cid", None, 0),
+    ]
+    export(places, tmp_path / "places.csv", "classification")
+    with (tmp_path / "places.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["race_time_us"] for row in rows] == ["27", "27", "", ""]
+    parquet = pytest.importorskip("pyarrow.parquet")
+    export(places, tmp_path / "places.parquet", "classification")
+    assert parquet.read_table(tmp_path / "places.parquet").to_pylist() == places
+
+
+def test_the_command_exports_laps_or_classifications(path: Path, tmp_path: Path) -> None:
+    two_tracks(path)
+    for words, rows in (([], "4 laps"), (["--rows", "classification"], "4 rows")):
+        to = tmp_path / "table.csv"
+        printed = CliRunner().invoke(app, ["export", str(to), *words, "--results", str(path)])
+        assert printed.exit_code == 0
+        assert rows in printed.output
 
 
 def test_an_export_that_cannot_be_is_one_clear_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(ResultsError, match=r"exported as .csv or .parquet"):
-        export([], tmp_path / "laps.xls")
+        export([], tmp_path / "laps.xls", "laps")
     with pytest.raises(ResultsError, match="cannot be written: No such file"):
-        export([], tmp_path / "nowhere" / "laps.csv")
+        export([], tmp_path / "nowhere" / "laps.csv", "laps")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(ResultsError, match=r"needs pyarrow, from the extra `results`"):
-        export([], tmp_path / "laps.parquet")
+        export([], tmp_path / "laps.parquet", "laps")
 
 
 def test_who_wins_is_rated_above_who_loses(path: Path) -> None:

@@ -48,7 +48,7 @@ def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> 
 def _line_on(course: Course, vehicle: Vehicle, solve: bool) -> ReferenceLine:
     bounds = bounds_of(vehicle)
     line = around(course, _free_line(course, vehicle, bounds, solve), bounds, vehicle)
-    return replace(line, speed=slowed(line.speed, line.curvature, line.spacing, vehicle, bounds))
+    return replace(line, speed=slowed(line.speed, line.curvature, line.spacing, bounds))
 
 
 def _free_line(course: Course, vehicle: Vehicle, bounds: Bounds, solve: bool) -> ReferenceLine:

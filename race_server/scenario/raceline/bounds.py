@@ -37,7 +37,9 @@ class Bounds:
     steering_rate: float  # [rad/s] at the road wheels
     wheelbase: float  # [m]
     top_speed: float  # [m/s]
+    width: float  # [m] of the body
     reach: float  # [m] from the middle of the body to where the borders may begin
+    lag: float  # [s²/m] time in which the yaw rate follows the steering, over the speed
 
 
 def bounds_of(
@@ -64,6 +66,7 @@ def bounds_of(
     grip = vehicle.grip * GRAVITY
     slips = vehicle.kinematic_below < vehicle.top_speed
     loses = slips and vehicle.cornering < STIFF
+    stiffness = vehicle.cornering * vehicle.mass * GRAVITY  # [N/rad] of all tyres
     bounds = Bounds(
         lateral=grip if slips else _ENDLESS,
         drive_grip=grip * _load_per_force(vehicle.front_drive, front_load),
@@ -81,7 +84,9 @@ def bounds_of(
         steering_rate=vehicle.steering_rate,
         wheelbase=vehicle.wheelbase,
         top_speed=vehicle.top_speed,
+        width=vehicle.width,
         reach=0.5 * vehicle.width + (MARGIN_SHARE * vehicle.width if margin is None else margin),
+        lag=vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle),
     )
     if speed_cap is None:
         return bounds

@@ -8,6 +8,7 @@ from race_server.scenario.raceline.baselines import CALM, STEEPEST, OffsetLine, 
 from race_server.scenario.raceline.bounds import SLOWEST, Bounds
 from race_server.scenario.raceline.frame import Frame
 from race_server.scenario.raceline.program import EXACT, Program, following
+from race_server.scenario.raceline.turning_over import swiftness
 from race_server.scenario.raceline.tyres import slip_of
 from race_server.scenario.track.course import Floats
 
@@ -26,7 +27,13 @@ class TimedLine:
 
 
 def fastest_lap(
-    frame: Frame, bounds: Bounds, start: OffsetLine, speed: Floats, tolerance: float = EXACT
+    frame: Frame,
+    bounds: Bounds,
+    start: OffsetLine,
+    speed: Floats,
+    *,
+    tolerance: float = EXACT,
+    follows: bool = False,
 ) -> TimedLine:
     """Return the flying lap of minimum time, starting from another line and its speeds.
 
@@ -38,6 +45,8 @@ def fastest_lap(
     width. From a come off rolling resistance, air drag and the drag of the tyres' slip.
     Formulation: Perantoni and Limebeer, Optimal control for a Formula One car, 2014, with the
     vehicle as a point mass; trapezoidal collocation; all states close with the lap.
+
+    follows: turn from one side to the other no faster than a body with a yaw inertia can follow.
     """
     program = Program(len(frame.x), frame.step)
     slope = np.roll(speed, -1) ** 2 - speed**2
@@ -63,6 +72,10 @@ def fastest_lap(
     fastest = bounds.steering_rate / bounds.wheelbase * turn
     program.keep_negative(turning - fastest)
     program.keep_negative(-turning - fastest)
+
+    for share in swiftness(turning, pace, speed, bounds) if follows else ():
+        program.keep_negative(share - 1.0)
+        program.keep_negative(-share - 1.0)
 
     swing = following(turning) - turning
     total = frame.step * program.casadi.sum1(slowness + CALM * turning**2 + CALMER * swing**2)

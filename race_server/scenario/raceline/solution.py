@@ -53,6 +53,7 @@ class Search:
     room: float = 0.0  # [m] kept free beside the borders, besides the margin
     least: float = 0.0  # [m] left to each side of the middle where a course is too narrow for that
     tolerance: float = EXACT
+    follows: bool = False  # a body with a yaw inertia turns over as fast as the lap does
 
 
 STRICT = Search()
@@ -114,18 +115,21 @@ def fastest_in(frame: Frame, bounds: Bounds, search: Search = STRICT) -> Fastest
     inner = frame.narrowed(search.room, search.least)
     calm = least_curved(inner, bounds)
     _, speeds = profile_of(inner, calm, bounds)
-    return Fastest(frame, calm, fastest_lap(inner, bounds, calm, speeds, search.tolerance))
+    best = fastest_lap(
+        inner, bounds, calm, speeds, tolerance=search.tolerance, follows=search.follows
+    )
+    return Fastest(frame, calm, best)
 
 
 def with_room(found: Fastest, bounds: Bounds) -> TimedLine:
-    """Return the lap of minimum time among those that keep more room where it is faster.
+    """Return the lap of minimum time to drive: with more room the faster it is, as a body turns.
 
     How fast it is there is read off the lap without room, which is returned where none is found.
     """
     frame, best = found.frame, found.best
     inner = frame.narrowed(ROOM * best.speed**2, 0.5 * LEFT * (frame.high - frame.low))
     try:
-        return fastest_lap(inner, bounds, best.line, best.speed)
+        return fastest_lap(inner, bounds, best.line, best.speed, follows=True)
     except TrackError:
         return best
 

@@ -43,13 +43,22 @@ _BEST = """
     )
     where place = 1 order by track, track_digest, vehicle, best_lap_us
 """
-_LAPS = """
-    select race.id as race, started_at, session, track, track_digest, entry.vehicle, laps as
-        race_laps, pace, seed, rules_version, server_version, ended, event, format,
-        title, lap.seat, driver,
-        driver_version, rank, status, number as lap, time_us, sectors, is_clean
+_OF_ENTRY = """
+    race.id as race, started_at, session, track, track_digest, entry.vehicle, race.laps as
+        race_laps, pace, seed, rules_version, server_version, ended, event, format, title,
+        entry.seat, driver, driver_version, rank, status
+"""
+_LAPS = f"""
+    select {_OF_ENTRY}, number as lap, time_us, sectors, is_clean
     from lap join entry using (race, seat) join race on race.id = lap.race
     order by race.id, lap.number, lap.seat
+"""
+_CLASSIFICATIONS = f"""
+    select {_OF_ENTRY}, count(number) as laps, min(time_us) as best_lap_us, race_time_us,
+        penalties, penalty_us, items_used, ending, way, moves
+    from entry join race on race.id = entry.race left join lap using (race, seat)
+    group by entry.race, entry.seat
+    order by entry.race, rank is null, rank, entry.seat
 """
 _ON = """
     select lap.race, lap.seat, lap.number, driver, race.track, race.track_digest, entry.vehicle,
@@ -100,6 +109,17 @@ def all_laps(path: Path) -> list[Row]:
         ResultsError: the file cannot be read.
     """
     return [_with_truth(row) for row in _ask(path, _LAPS)]
+
+
+def classifications(path: Path) -> list[Row]:
+    """Return every kart of every race with its place and its sums, in order.
+
+    A race that has not ended has no places yet.
+
+    Raises:
+        ResultsError: the file cannot be read.
+    """
+    return _ask(path, _CLASSIFICATIONS)
 
 
 def finished_races(path: Path) -> list[list[tuple[str, int]]]:
