@@ -41,7 +41,8 @@ def limit(
 ) -> None:
     """Compute lap times along the fastest, the least curved, the centre and the shortest line.
 
-    Drivers follow the one `with room`: it keeps more of it to the borders the faster it is.
+    Drivers follow the one `with room`: it keeps more of it to the borders the
+    faster it is, and turns over as fast as a body can follow.
     """
     from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.raceline.reference import NAMES, reference_limit
