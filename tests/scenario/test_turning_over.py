@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from race_server.core.vehicle_presets import KART_60, TT02
+from race_server.core.vehicle_presets import KART_60, TT02, vehicle_named
 from race_server.core.vehicles import GRAVITY, Vehicle
 from race_server.scenario.raceline.attach import line_of
 from race_server.scenario.raceline.bounds import bounds_of
@@ -51,6 +51,12 @@ def test_tight_bends_that_turn_over_leave_a_quarter_of_the_grip() -> None:
 def test_in_a_bend_that_stays_the_same_nothing_is_slowed() -> None:
     speed = np.full(400, 10.0)
     assert slowed(speed, np.full(400, BEND), SPACING, bounds_of(TT02)).tolist() == [10.0] * 400
+
+
+def test_a_body_that_never_slips_follows_its_wheels_at_once() -> None:
+    bounds, speed = bounds_of(vehicle_named("tt02-kinematic")), np.full(2000, 10.0)
+    assert swiftness(1.0, 10.0, speed, bounds) == []
+    assert slowed(speed, turning_over(BEND), SPACING, bounds).min() == 10.0
 
 
 def test_a_slow_line_may_turn_over_at_once() -> None:

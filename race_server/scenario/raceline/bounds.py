@@ -67,6 +67,7 @@ def bounds_of(
     slips = vehicle.kinematic_below < vehicle.top_speed
     loses = slips and vehicle.cornering < STIFF
     stiffness = vehicle.cornering * vehicle.mass * GRAVITY  # [N/rad] of all tyres
+    turning = vehicle.yaw_inertia if slips else 0.0  # without slip it follows the wheels at once
     bounds = Bounds(
         lateral=grip if slips else _ENDLESS,
         drive_grip=grip * _load_per_force(vehicle.front_drive, front_load),
@@ -86,7 +87,7 @@ def bounds_of(
         top_speed=vehicle.top_speed,
         width=vehicle.width,
         reach=0.5 * vehicle.width + (MARGIN_SHARE * vehicle.width if margin is None else margin),
-        lag=vehicle.yaw_inertia / (stiffness * vehicle.front_axle * vehicle.rear_axle),
+        lag=turning / (stiffness * vehicle.front_axle * vehicle.rear_axle),
     )
     if speed_cap is None:
         return bounds
