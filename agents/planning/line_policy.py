@@ -26,7 +26,7 @@ from race_server.core.kernels.jit import kernel
 # The damping of the yaw rate grows from nothing at the first of these shares of the top speed to
 # TIMES that of the line's own controller at the second. Few places of a training are as fast, and
 # there a network lets the rear axle slide further than it can catch it.
-FAST, FASTEST, TIMES = 0.5, 0.65, 2.0
+FAST, FASTEST, TIMES = 0.5, 0.65, 1.5
 # From this attempt to get free on, until it is forgotten, a kart that is alone goes back to its
 # line as `raceline` does.
 HELPED_FROM = 2.0

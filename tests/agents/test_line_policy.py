@@ -66,7 +66,7 @@ def test_a_fast_kart_that_turns_more_than_its_bend_is_steered_against_it() -> No
     """On a straight the car may turn at 0 rad/s; its top speed is 10 m/s."""
     slow, fast, calm = (
         commands([0.1, 0.5, 0.0, 0.0], 1, speed=speed, yaw_rate=turning)[0, 0]
-        for speed, turning in ((4.9, 0.5), (9.0, 0.5), (9.0, 0.0))
+        for speed, turning in ((4.9, 1.0), (9.0, 1.0), (9.0, 0.0))
     )
     assert slow == calm == pytest.approx(0.1)
     assert fast < 0.0
