@@ -35,11 +35,11 @@ def with_line(scenario: "Scenario", *, solve: bool = False) -> "Scenario":
 def reference_line(course: Course, vehicle: Vehicle, *, solve: bool = False) -> ReferenceLine:
     """Return the reference line of a vehicle on a course.
 
-    That is the lap of minimum time that keeps more room the faster it is, if it is known: bundled,
-    or in the user's cache. solve: compute it otherwise, once; that takes seconds and needs CasADi,
-    so ask for it only if a driver needs the line. Without it the centre line is used in its place,
-    with the speeds that it allows, and the line's `note` says so in one sentence. Both are led
-    around the course's fixed obstacles.
+    That is the lap of minimum time that keeps more room the faster it is and turns over as fast as
+    a body can follow, if it is known: bundled, or in the user's cache. solve: compute it
+    otherwise, once; that takes seconds and needs CasADi, so ask for it only if a driver needs the
+    line. Without it the centre line is used in its place, with the speeds that it allows, and the
+    line's `note` says so in one sentence. Both are led around the course's fixed obstacles.
     """
     return _line_on(course, vehicle, solve)
 

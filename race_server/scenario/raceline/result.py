@@ -68,7 +68,7 @@ class Limit:
 
     solve_s: float  # time of the solver; zero if the lines were bundled or cached
     minimum_time: Raceline
-    with_room: Raceline  # that drivers follow: it keeps more room the faster it is
+    with_room: Raceline  # that drivers follow: with more room the faster it is, as a body turns
     minimum_curvature: Raceline
     centre_line: Raceline
     shortest: Raceline
