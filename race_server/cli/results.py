@@ -130,10 +130,10 @@ def export_table(
     from race_server.storage.results.export import export
     from race_server.storage.results.queries import all_laps, classifications
 
-    ask = all_laps if rows == "laps" else classifications
+    ask, things = (all_laps, "laps") if rows == "laps" else (classifications, "rows")
     found = ask(_file(results))
     export(found, to, rows)
-    say(f"{to}: {len(found)} {'laps' if rows == 'laps' else 'rows'}")
+    say(f"{to}: {len(found)} {things}")
 
 
 @app.command()

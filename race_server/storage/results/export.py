@@ -15,23 +15,22 @@ _RACE = {
     "race_laps": "int64",
     "pace": "string",
     "seed": "int64",
-    **dict.fromkeys(
-        ("rules_version", "server_version", "ended", "event", "format", "title"), "string"
-    ),
+    **dict.fromkeys(("rules_version", "server_version", "ended"), "string"),
+    **dict.fromkeys(("event", "format", "title"), "string"),
     "seat": "int64",
-    **dict.fromkeys(("driver", "driver_version"), "string"),
+    "driver": "string",
+    "driver_version": "string",
     "rank": "int64",
     "status": "string",
 }
 _LAPS = {"lap": "int64", "time_us": "int64", "sectors": "string", "is_clean": "bool_"}
+_SUMS = ("laps", "best_lap_us", "race_time_us", "penalties", "penalty_us", "items_used")
 _CLASSIFICATION = {
-    **dict.fromkeys(("laps", "best_lap_us", "race_time_us", "penalties", "penalty_us"), "int64"),
-    "items_used": "int64",
+    **dict.fromkeys(_SUMS, "int64"),
     "ending": "string",
     "way": "float64",
     "moves": "int64",
 }
-
 
 # Name and type (of pyarrow) of each column, by what a row is about: a lap, or a kart in a race.
 COLUMNS = {"laps": {**_RACE, **_LAPS}, "classification": {**_RACE, **_CLASSIFICATION}}
