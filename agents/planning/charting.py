@@ -150,10 +150,14 @@ class Charting:
             self._view.look(self._ranges, field, MOUNT, finder.pose, seconds)
 
     def _await_chart(self, tick: int) -> None:
-        """Take up the chart once it is due; give its solver as much time as the world has."""
+        """Take up the chart once it is due; give its solver as much time as the world has.
+
+        A world that waits has all the time; another one as much as it is ahead of the clock.
+        """
         assert self._asked is not None
         passed = (tick - self._asked_tick) * TICK_S
-        ahead = passed - (time.monotonic() - self._asked_at)
+        clock_s = 0.0 if self._briefing.waits else time.monotonic() - self._asked_at
+        ahead = passed - clock_s
         if ahead > 0.0 and not self._asked.done():
             try:
                 self._asked.exception(timeout=min(ahead, MOST_WAIT_S))

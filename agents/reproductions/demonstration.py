@@ -107,6 +107,7 @@ def _briefing_of(task: Task, settings: Settings) -> Briefing:
         decision_s=settings.decision_s,
         lidar_field=scenario.lidar.field,
         lidar_reach=scenario.lidar.reach,
+        waits=True,
     )
 
 

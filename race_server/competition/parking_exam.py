@@ -202,6 +202,7 @@ class _Hall:
                 decision_s=DECISION_S,
                 lidar_field=scenario.lidar.field,
                 lidar_reach=scenario.lidar.reach,
+                waits=True,
             )
             for k in range(batch.karts)
         ]

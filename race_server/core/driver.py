@@ -32,6 +32,8 @@ class Briefing:
     items: tuple[str, ...] = ()  # names of the items; item number 1 is the first
     lidar_field: float = 0.0  # [rad] between the outermost rays
     lidar_reach: float = 8.0  # [m]
+    # Whether the world stands still while the driver decides, so that results depend on no clock.
+    waits: bool = False
 
 
 class Driver(Protocol):

@@ -108,6 +108,7 @@ class Asked:
                 decision_s=decision_s,
                 lidar_field=field,
                 lidar_reach=reach,
+                waits=True,
             )
         )
         parkers = self.world.parking.parkers[w]

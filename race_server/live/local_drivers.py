@@ -17,8 +17,8 @@ from race_server.session.seats import Seat
 from race_server.session.session import Session
 
 
-def briefing_for(session: Session, seat: Seat) -> Briefing:
-    """Return the briefing of the driver of a seat."""
+def briefing_for(session: Session, seat: Seat, *, waits: bool = False) -> Briefing:
+    """Return the briefing of the driver of a seat. waits: the session stands while it decides."""
     scenario = session.scenario
     return Briefing(
         seat=seat.number,
@@ -29,6 +29,7 @@ def briefing_for(session: Session, seat: Seat) -> Briefing:
         items=tuple(item.name for item in items()),
         lidar_field=scenario.lidar.field,
         lidar_reach=scenario.lidar.reach,
+        waits=waits,
     )
 
 
@@ -48,9 +49,11 @@ class _LocalDriver:
 class LocalDrivers:
     """The local drivers of a session, by seat."""
 
-    def __init__(self, session: Session, suspects: Suspects | None = None) -> None:
-        """Begin with none. suspects: is told which driver is asked."""
-        self._session, self._suspects = session, suspects or Suspects()
+    def __init__(
+        self, session: Session, suspects: Suspects | None = None, *, waits: bool = False
+    ) -> None:
+        """Begin with none. suspects: is told which driver is asked; waits: see `Briefing`."""
+        self._session, self._suspects, self._waits = session, suspects or Suspects(), waits
         self._locals: dict[int, _LocalDriver] = {}
         # What those drivers inside that park share of their ways.
         self.traffic = Traffic(session.world.bodies.shape[1])
@@ -77,7 +80,7 @@ class LocalDrivers:
     def _get_ready(self, name: str, driver: Driver, taken: Seat) -> None:
         self._locals[taken.number] = _LocalDriver(driver)
         try:
-            driver.reset(briefing_for(self._session, taken))
+            driver.reset(briefing_for(self._session, taken, waits=self._waits))
             if parks_from_start(self._session.world) and isinstance(driver, ParkingDriver):
                 tell_to_park(driver, name, order_for(self._session, taken.number), self.traffic)
         except (Exception, SystemExit) as error:

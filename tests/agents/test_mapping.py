@@ -3,6 +3,9 @@
 import math
 from dataclasses import replace
 from functools import cache
+from itertools import count
+from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -273,31 +276,60 @@ def chart_of_the_oval() -> Chart:
     return chart_lap(survey.scans, poses, CELL, vehicle_named("tt02"))
 
 
+def look_from(charting: Charting, tick: int, way: float, speed: float, lights: float) -> bool:
+    """Return whether a kart on the oval has a line to follow."""
+    layout = layout_of("lidar", 201)
+    values = np.zeros(layout.size, np.float32)
+    at = compose(pose_at(way), (MOUNT, 0.0, 0.0))
+    turns = speed * (pose_at(way + 0.01)[2] - pose_at(way)[2]) / 0.01
+    shown = {"speed": speed, "yaw_rate": turns, "lights": lights, "speed_cap": 8.0}
+    for part, value in {**shown, "lidar": ranges_in(OVAL, at, tick)}.items():
+        values[layout.slices[part]] = value
+    return charting.look(Observation(tick, layout, values)) is not None
+
+
+def lap_and_more(charting: Charting) -> list[bool]:
+    """Return whether there was a line, at each of 160 decisions at 3 m/s."""
+    ticks = ticks_of(0.1)
+    return [look_from(charting, step * ticks, 0.3 * step, 3.0, 0.0) for step in range(160)]
+
+
 @pytest.mark.parametrize(("lights", "forgotten"), [(0.0, True), (1.0, False)])
 def test_a_kart_that_stands_on_its_chart_for_4_s_forgets_it(
     monkeypatch: pytest.MonkeyPatch, lights: float, forgotten: bool
 ) -> None:
     monkeypatch.setattr("race_agents.planning.charting.ask_chart", lambda *_: chart_of_the_oval())
     charting = Charting(briefing("lidar", lidar_field=FIELD, lidar_reach=REACH))
-    layout = layout_of("lidar", 201)
-    mounted = (MOUNT, 0.0, 0.0)
-
-    def look(tick: int, way: float, speed: float, lit: float) -> bool:
-        values = np.zeros(layout.size, np.float32)
-        at = compose(pose_at(way), mounted)
-        turns = speed * (pose_at(way + 0.01)[2] - pose_at(way)[2]) / 0.01
-        shown = {"speed": speed, "yaw_rate": turns, "lights": lit, "speed_cap": 8.0}
-        for part, value in {**shown, "lidar": ranges_in(OVAL, at, tick)}.items():
-            values[layout.slices[part]] = value
-        return charting.look(Observation(tick, layout, values)) is not None
-
-    ticks = ticks_of(0.1)
-    drives = [look(step * ticks, 0.3 * step, 3.0, 0.0) for step in range(160)]
+    drives = lap_and_more(charting)
     assert not any(drives[:65])
     assert drives[-1]
-    stands = [look((160 + step) * ticks, 0.3 * 159, 0.0, lights) for step in range(50)]
+    ticks = ticks_of(0.1)
+    stands = [
+        look_from(charting, (160 + step) * ticks, 0.3 * 159, 0.0, lights) for step in range(50)
+    ]
     assert all(stands[:38])
     assert stands[-1] != forgotten
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_world_that_waits_has_its_line_however_late_the_solver_is(
+    monkeypatch: pytest.MonkeyPatch, waits: bool
+) -> None:
+    """Its clock goes on by an hour at each glance, and the solver takes a second."""
+    chart, hours = chart_of_the_oval(), count(0.0, 3600.0)
+    clock = SimpleNamespace(monotonic=lambda: next(hours))
+    monkeypatch.setattr("race_agents.planning.charting.time", clock)
+    last = Event()
+
+    def ask_late(*_: object) -> Chart:
+        last.wait(1.0 if waits else 60.0)
+        return chart
+
+    monkeypatch.setattr("race_agents.planning.charting.ask_chart", ask_late)
+    told = briefing("lidar", lidar_field=FIELD, lidar_reach=REACH, waits=waits)
+    drives = lap_and_more(Charting(told))
+    last.set()
+    assert drives[-1] == waits
 
 
 def test_a_line_keeps_to_the_middle_where_the_course_has_no_more_room() -> None:

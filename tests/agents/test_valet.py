@@ -260,7 +260,7 @@ def test_a_vehicle_that_stands_waits_for_its_plan(monkeypatch: pytest.MonkeyPatc
         monkeypatch.setattr("race_agents.planning.chauffeur.ask_plan", ask_late)
         (late,) = drive_exam(spec, "valet")
     assert late.figures["is_success"]
-    assert late.figures["time_s"] <= at_once.figures["time_s"] + 0.3
+    assert late.figures["time_s"] <= at_once.figures["time_s"] + 1.0
 
 
 def test_a_task_is_the_same_alone_and_among_others() -> None:

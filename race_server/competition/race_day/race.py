@@ -47,7 +47,7 @@ class LocalRace:
         """
         session = self._session
         session.scenario = replace(session.scenario, seed=seed)
-        local_drivers, incidents = LocalDrivers(session), Incidents()
+        local_drivers, incidents = LocalDrivers(session, waits=True), Incidents()
         for seat, team in enumerate(teams):
             self._admit(local_drivers, seat, team, incidents)
         session.start()
@@ -133,7 +133,7 @@ def rehearse(drivers: Sequence[str], scenario: Scenario) -> None:
     """
     session = Session("rehearsal", replace(scenario, karts=1))
     for name in dict.fromkeys(drivers):
-        local_drivers = LocalDrivers(session)
+        local_drivers = LocalDrivers(session, waits=True)
         try:
             local_drivers.admit(name, driver_named(name), 0)
             session.start()

@@ -130,6 +130,7 @@ class Attempt:
                 items=tuple(item.name for item in items()),
                 lidar_field=lidar.field,
                 lidar_reach=lidar.reach,
+                waits=True,
             )
         )
 

@@ -64,7 +64,8 @@ class RaceServer:
         session.takes_tracked = self.pace == REAL
         self.counters = Counters(len(session.seats), Refusals(self.log))
         self._session_log = SessionLog(session, self.counters, self.log, timing)
-        self.local_drivers = inside = LocalDrivers(session, self.suspects)
+        waits = self.pace == LOCKSTEP
+        self.local_drivers = inside = LocalDrivers(session, self.suspects, waits=waits)
         self._persistence = Persistence(session, self.keeper, self.logbook, timing)
         self._wheels = Wheels(session, inside, self.counters, self.suspects, self.valet)
         self._yardstick = Yardstick(session, inside, self.valet if self.measures else "")
