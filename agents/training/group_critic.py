@@ -17,6 +17,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import create_mlp
 from torch import nn
+from torch.nn import functional
 
 from race_agents.training.reward_wrapper import width_of
 
@@ -65,15 +66,36 @@ class GroupCritic(nn.Module):
         worth = self._worth(told.flatten(0, 1), active.repeat_interleave(agents, dim=0))
         return worth.view(-1, agents).gather(1, order.argsort(dim=1))
 
+    def worths(
+        self, seen: torch.Tensor, acted: torch.Tensor, active: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return values (G,) and baselines (G, L): the same, and found once, where L is 1."""
+        values = self.values(seen, active)
+        if seen.shape[1] == 1:
+            return values, values[:, None]
+        return values, self.baselines(seen, acted, active)
+
     def _worth(self, agents: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
         """Return one number for each set of agents (n, L, E), shape (n,)."""
         told = self.norm(agents)
-        heard, _ = self.attention(told, told, told, key_padding_mask=~active, need_weights=False)
+        heard = self._heard(told, active)
         total = torch.where(active[..., None], agents + heard, 0.0).sum(dim=1)
         count = active.sum(dim=1, keepdim=True).to(total.dtype)
         # A mean does not tell of how many it is.
         worth: torch.Tensor = self.head(torch.cat([total / count, count], dim=1))
         return worth.squeeze(1)
+
+    def _heard(self, told: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
+        """Return what each agent hears from those of its set, (n, L, E) as what they tell."""
+        if told.shape[1] > 1:
+            heard, _ = self.attention(
+                told, told, told, key_padding_mask=~active, need_weights=False
+            )
+            return heard
+        # One alone hears itself, whatever queries and keys are: two thirds of the work less.
+        weight, bias = self.attention.in_proj_weight, self.attention.in_proj_bias
+        values = functional.linear(told, weight.chunk(3)[2], bias.chunk(3)[2])
+        return self.attention.out_proj(values)
 
 
 def _order(rows: torch.Tensor, active: torch.Tensor) -> torch.Tensor:

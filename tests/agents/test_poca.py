@@ -87,6 +87,17 @@ def test_who_is_not_active_is_not_seen_to_the_bit() -> None:
     assert torch.allclose(fewer, values, atol=1e-6)
 
 
+def test_one_alone_is_judged_as_one_of_two_whose_other_has_left() -> None:
+    seen, acted, active = group(agents=2)
+    active[:, 1] = False
+    judge = critic()
+    alone = judge.worths(seen[:, :1], acted[:, :1], active[:, :1])
+    of_two = judge.worths(seen, acted, active)
+    assert torch.equal(alone[1][:, 0], alone[0])
+    for one, two in zip(alone, of_two, strict=True):
+        assert torch.allclose(one, two.reshape(len(one), -1)[:, :1].reshape(one.shape), atol=1e-6)
+
+
 def test_how_many_there_are_is_known() -> None:
     one = torch.ones(1, 1, SIZE)
     judge = critic()
