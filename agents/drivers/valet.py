@@ -66,11 +66,8 @@ class Valet:
         self._traffic: Traffic | None = None
 
     def join(self, traffic: Traffic) -> None:
-        """Share ways with other vehicles: announce them, and drive as far as is cleared.
-
-        The way of a vehicle with a trailer is not announced: for others it stands where it is.
-        """
-        self._traffic = None if self._briefing.vehicle.trailers else traffic
+        """Share ways with other vehicles: announce them, and drive as far as is cleared."""
+        self._traffic = traffic
 
     def park(self, order: ParkingOrder) -> None:
         """Drive to a slot from the next observation on, and stay there."""

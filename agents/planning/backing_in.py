@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from race_agents.planning.rig_moves import way_in
+from race_agents.planning.rig_moves import DOCKED, way_in
 from race_server.core.free_space.goal_cells import cell_pose
 from race_server.core.free_space.obstacles import Obstacles
 from race_server.core.free_space.rig import Rig, Towed
@@ -55,6 +55,6 @@ def _fill(
                         continue
                     pose = cell_pose(grid, goal, row, column, turn, TURNS)
                     towed = Towed(pose.x, pose.y, pose.heading, angle, math.inf)
-                    way = way_in(obstacles, rig, towed, goal, -1.0, rows)
+                    way = way_in(obstacles, rig, towed, goal, DOCKED, -1.0, rows)
                     if way != math.inf:
                         costs[BACK, number, turn, row, column] = abs(way)

@@ -8,7 +8,7 @@ on.
 import math
 from typing import NamedTuple
 
-from race_agents.planning.rig_moves import way_in
+from race_agents.planning.rig_moves import DOCKED, way_in
 from race_server.core.free_space.obstacles import Obstacles
 from race_server.core.free_space.rig import Rig, Towed, is_towing
 from race_server.core.free_space.states import (
@@ -127,7 +127,7 @@ def lead(guide: Guide, state: Towed, gear: int, top: float, rows: Floats) -> Lea
     found, rig = known_at(guide, state), guide.rig
     first = choice = choose(guide, state, gear)
     if is_towing(rig):
-        left = abs(way_in(guide.obstacles, rig, state, guide.goal, -1.0, rows))
+        left = abs(way_in(guide.obstacles, rig, state, guide.goal, DOCKED, -1.0, rows))
         if left + (found.cusp if gear == AHEAD else 0.0) <= first.cost:
             return Lead(-_pace(left, top), rows[0, 0])
     if first.cost >= UNKNOWN:

@@ -22,7 +22,7 @@ from race_agents.planning.analytic_expansion import (
     NO_WORD,
     cheapest_free_word,
 )
-from race_agents.planning.rig_moves import direction_in, drive, way_in
+from race_agents.planning.rig_moves import InLine, direction_in, drive, way_in
 from race_agents.planning.search_tree import (
     NODES,
     NONE,
@@ -87,6 +87,7 @@ class Towing(NamedTuple):
 
     rig: Rig
     start: Towed
+    asked: InLine  # at the goal
     ways: TowedWays  # estimates are those costs where they are known
     rows: Floats  # (R, 3), work space of `rig_moves.drive`
 
@@ -219,7 +220,7 @@ def _rest(task: Task, towing: Towing | None, node: Record, most: float) -> tuple
         )
     way = direction_in(task.goal, Pose(node.x, node.y, node.heading))
     start = towed_at(node, way)
-    driven = way_in(task.obstacles, towing.rig, start, task.goal, way, towing.rows)
+    driven = way_in(task.obstacles, towing.rig, start, task.goal, towing.asked, way, towing.rows)
     if abs(driven) == math.inf:
         return NO_WORD, math.inf
     cost = cost_of_way(driven, task.prices)

@@ -9,6 +9,7 @@ import numpy as np
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import CREEP, CURVATURE, LEFT, SPEED
 from race_agents.planning.path_planner import ENDLESS, PathPlanner
+from race_agents.planning.rig_moves import DOCKED, InLine
 from race_agents.planning.shortcuts import cost_of
 from race_agents.planning.towed_planner import TowedPlanner
 from race_agents.planning.unexpected import Chart
@@ -33,6 +34,8 @@ BACK = 2.0
 # of several, where coming near the slot askew costs as much as this way [m].
 STRAIGHTS = (0.3, 2.0)
 ASKEW = 30.0
+# Share of what a level allows that a plan of a vehicle with a trailer uses up: it is off its way.
+PLANNED = 0.7
 
 
 def chart_of(order: ParkingOrder) -> Chart:
@@ -43,9 +46,13 @@ def chart_of(order: ParkingOrder) -> Chart:
 
 
 def box_in(slot: Slot, vehicle: Vehicle) -> Floats:
-    """Return the box of a vehicle that stands in the middle of a slot: (6,), see `Chart`."""
+    """Return the box of a vehicle that stands in the middle of a slot: (6,), see `Chart`.
+
+    It holds the trailers too.
+    """
     cos, sin = math.cos(slot.heading), math.sin(slot.heading)
-    return np.array([slot.x, slot.y, cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width])
+    half_length, half_width = 0.5 * vehicle.overall_length, 0.5 * vehicle.overall_width
+    return np.array([slot.x, slot.y, cos, sin, half_length, half_width])
 
 
 def is_settled(vehicle: Vehicle, order: ParkingOrder, motion: Motion, angle: float) -> bool:
@@ -123,16 +130,25 @@ def _plan_towed(
         PlanError: no margin leaves a path, or the vehicle draws several trailers.
     """
     goal, refused = parked_trailer_pose(order.slot, vehicle), None
+    asked = _asked_by(order.level)
     for margin in MARGINS:
         planner = _towed_planner(vehicle, margin)
         planner.allow(steps)
         try:
-            return planner.plan(start, angle, goal, chart.walls, chart.boxes)
+            return planner.plan(start, angle, goal, chart.walls, chart.boxes, asked)
         except PlanError as error:
             refused = error
         steps -= planner.steps
     assert refused is not None
     raise refused
+
+
+def _asked_by(level: Level) -> InLine:
+    """Return how a way of a vehicle with a trailer has to end, for it to be parked."""
+    if level.last or not level.turn:
+        return DOCKED
+    across = level.across or level.within or math.inf
+    return DOCKED._replace(ahead_across=PLANNED * across, ahead_turn=PLANNED * level.turn)
 
 
 def _straight_in(

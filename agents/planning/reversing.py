@@ -46,4 +46,6 @@ def angle_towards(rig: Rig, offset: float, turn: float, planned: float, way: flo
     slant = clip(OFFSET_GAIN / scale * offset, -STEEPEST, STEEPEST)
     error = turn - slant if way < 0.0 else -turn - slant
     tangent = math.tan(planned) + rig.bar * TURN_GAIN / scale * error
-    return clip(math.atan(tangent), -rig.sharpest, rig.sharpest)
+    # A way may lead through a sharper angle than the controller itself asks for.
+    most = max(rig.sharpest, abs(planned))
+    return clip(math.atan(tangent), -most, most)

@@ -6,6 +6,7 @@ move brings the trailer onto the axis of its slot, and along it to its place.
 """
 
 import math
+from typing import NamedTuple
 
 from race_agents.planning.reversing import angle_towards, curvature_towards
 from race_server.core.free_space.obstacles import Obstacles, gets_there
@@ -22,10 +23,24 @@ SPACING, LOOKS = 0.1, 2
 # slot, and the trailer no farther turned [rad]; it is longer than that by this factor at
 # most.
 ASIDE, ASKEW, LONGER = 0.6, 1.2, 1.5
-# How the trailer has to stand at the end: across the slot [m], against it [rad], and the angle at
-# the hitch [rad]. Along the slot the last step ends where it is to stand.
-ACROSS, TURN, STRAIGHT = 0.05, math.radians(1.0), math.radians(3.0)
 LAST_STEP = 1e-4
+
+
+class InLine(NamedTuple):
+    """How a vehicle and its trailer have to stand at the end of a way into a slot, at most off.
+
+    Along the slot the last step ends where they are to stand.
+    """
+
+    across: float  # [m] of the trailer's axle
+    turn: float  # [rad] of the trailer
+    straight: float  # [rad] at the hitch
+    ahead_across: float  # [m] of the middle of the vehicle
+    ahead_turn: float  # [rad] of the vehicle
+
+
+# As a trailer is docked: where the vehicle stands does not matter.
+DOCKED = InLine(0.05, math.radians(1.0), math.radians(3.0), math.inf, math.inf)
 
 
 @kernel
@@ -103,16 +118,26 @@ def direction_in(goal: Pose, place: Pose) -> float:
 
 
 @kernel
-def _is_in(goal: Pose, towed: Towed) -> bool:
-    """Return whether a trailer stands as it is to stand."""
+def _is_in(rig: Rig, goal: Pose, towed: Towed, asked: InLine) -> bool:
+    """Return whether a trailer and what draws it stand as they are to stand."""
     seen = seen_from(goal, Pose(towed.x, towed.y, towed.heading))
-    aligned = abs(seen.heading) <= TURN and abs(towed.angle) <= STRAIGHT
-    return aligned and abs(seen.y) <= ACROSS and abs(seen.x) <= ACROSS
+    aligned = abs(seen.heading) <= asked.turn and abs(towed.angle) <= asked.straight
+    if not (aligned and abs(seen.y) <= asked.across and abs(seen.x) <= asked.across):
+        return False
+    ahead = seen_from(goal, pose_ahead(rig, towed))
+    across = ahead.y + rig.drawing.middle * math.sin(ahead.heading)
+    return abs(across) <= asked.ahead_across and abs(ahead.heading) <= asked.ahead_turn
 
 
 @large_kernel
 def way_in(
-    obstacles: Obstacles, rig: Rig, start: Towed, goal: Pose, way: float, rows: Floats
+    obstacles: Obstacles,
+    rig: Rig,
+    start: Towed,
+    goal: Pose,
+    asked: InLine,
+    way: float,
+    rows: Floats,
 ) -> float:
     """Return the way [m] on which a vehicle brings its trailer into the slot; infinite if none.
 
@@ -120,9 +145,9 @@ def way_in(
     """
     seen = seen_from(goal, Pose(start.x, start.y, start.heading))
     left = -seen.x if way > 0.0 else seen.x
-    if left <= 0.0 or abs(seen.heading) > ASKEW or abs(seen.y) > ASIDE * left + ACROSS:
+    if left <= 0.0 or abs(seen.heading) > ASKEW or abs(seen.y) > ASIDE * left + asked.across:
         return math.inf
     end, driven = drive(
         obstacles, rig, start, goal, ON_AXIS, math.copysign(LONGER * left, way), rows
     )
-    return driven if _is_in(goal, end) else math.inf
+    return driven if _is_in(rig, goal, end, asked) else math.inf

@@ -30,7 +30,7 @@ from race_agents.planning.path_follower import (
     speed_limits,
 )
 from race_agents.planning.reversing import angle_towards, curvature_towards
-from race_agents.planning.towed_path import TowedPath, behind
+from race_agents.planning.towed_path import TowedPath, before, behind
 from race_server.core.free_space.rig import Rig, angle_rate, towed_by, way_behind
 from race_server.core.kernels.geometry import Pose, cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
@@ -86,6 +86,15 @@ def _leg(poses: Floats, angles: Floats, arcs: Floats, vehicle: Vehicle, cruise: 
     leg[:, SPEED] = paced(limits, steps, vehicle)
     leg[:-1, LEFT] = np.cumsum(steps[::-1])[::-1]
     return leg
+
+
+def rear_axles(track: Floats, vehicle: Vehicle) -> Floats:
+    """Return the poses of the rear axle on points of a track, (S, 3), with or without a trailer."""
+    axles = track[:, [X, Y, HEADING]]
+    if vehicle.trailers:
+        back = track[:, GEAR] < 0.0
+        axles[back] = before(axles[back], track[back, ANGLE], vehicle.trailers[0])
+    return axles
 
 
 @kernel

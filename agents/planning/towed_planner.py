@@ -16,7 +16,7 @@ from race_agents.planning.hybrid_astar import (
 )
 from race_agents.planning.path import in_words
 from race_agents.planning.path_planner import ENDLESS, MARGIN, REACH, disc_around_axle
-from race_agents.planning.rig_moves import direction_in, drive, way_in
+from race_agents.planning.rig_moves import DOCKED, InLine, direction_in, drive, way_in
 from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.towed_path import TowedPath
 from race_server.core.free_space.ground import NO_BOXES, Ground
@@ -94,13 +94,19 @@ class TowedPlanner:
         return int(self._tree.counts[STEPS])
 
     def plan(
-        self, start: Pose, angle: float, goal: Pose, walls: Floats, boxes: Floats = NO_BOXES
+        self,
+        start: Pose,
+        angle: float,
+        goal: Pose,
+        walls: Floats,
+        boxes: Floats = NO_BOXES,
+        asked: InLine = DOCKED,
     ) -> TowedPath:
         """Return a path that keeps the margin from walls and boxes, and ends in line.
 
         start: of the rear axle of the vehicle; angle: at the hitch [rad]; goal: of the axle of the
         trailer; walls: (P, 4) x0, y0, x1, y1 [m]; boxes: (B, 6) x, y [m] of the middle, cosine and
-        sine of the heading, half length, half width [m].
+        sine of the heading, half length, half width [m]; asked: how they are to stand at the goal.
 
         Raises:
             PlanError: start or goal touches something, no way leads from one to the other, or none
@@ -108,7 +114,7 @@ class TowedPlanner:
         """
         towed = towed_by(self.rig, start, math.remainder(angle, 2.0 * math.pi), math.inf)
         root = Pose(towed.x, towed.y, towed.heading)
-        asked = (
+        between = (
             f"{in_words(start)} with the hitch at {math.degrees(angle):.0f}° to {in_words(goal)}"
         )
         # Near by first: of a large area the grid has larger cells.
@@ -121,13 +127,13 @@ class TowedPlanner:
                 break
         else:
             raise PlanError(
-                f"no way leads from {asked}: what is free around one is cut off from the other, "
+                f"no way leads from {between}: what is free around one is cut off from the other, "
                 f"or joined to it only farther than {reach:.1f} m aside"
             )
         ways = find_towed_ways(obstacles, distances, self.rig, goal, self._prices)
         costs = np.zeros(0)
         for mesh, is_told in self._meshes:
-            towing = Towing(self.rig, towed, ways if is_told else NO_WAYS, self._rows)
+            towing = Towing(self.rig, towed, asked, ways if is_told else NO_WAYS, self._rows)
             fixed = (root, goal, self.rig.drawn, obstacles, distances, self._prices, costs)
             task = Task(*fixed, mesh, self._most_steps)
             node, _ = search(task, towing, self._tree)
@@ -137,7 +143,7 @@ class TowedPlanner:
                 break
         found = int(self._tree.counts[NODES])
         raise PlanError(
-            f"no path from {asked}: the search "
+            f"no path from {between}: the search "
             + (f"gave up after {found} states" if node == GAVE_UP else "found no further state")
             + "; make the slot or the yard wider, or choose another goal"
         )
@@ -192,7 +198,9 @@ class TowedPlanner:
         way = direction_in(task.goal, Pose(last.x, last.y, last.heading))
         start = towed_at(last, way)
         parts.append(
-            self._driven(way_in(task.obstacles, self.rig, start, task.goal, way, self._rows))
+            self._driven(
+                way_in(task.obstacles, self.rig, start, task.goal, towing.asked, way, self._rows)
+            )
         )
         rows = np.concatenate(parts)
         angles = np.concatenate([[towing.start.angle], rows[:, 2]])

@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 
-from race_agents.planning.path_follower import BRAKE_SHARE, HEADING, LEFT, X, Y
+from race_agents.planning.path_follower import ANGLE, BRAKE_SHARE, LEFT
+from race_agents.planning.towed_follower import rear_axles
+from race_server.core.box_rows import boxes_of
 from race_server.core.free_space.footprint import Point, convert
-from race_server.core.state import Floats
+from race_server.core.state import BODY, Floats
 from race_server.core.traffic import Traffic
-from race_server.core.vehicles import GRAVITY, Vehicle
+from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_record
 
 # Every n-th point of a track is a place of the way that is announced: they are 0.1 m apart.
 EVERY = 2
@@ -24,16 +26,14 @@ class Passage:
     def __init__(self, traffic: Traffic, number: int, track: Floats, vehicle: Vehicle) -> None:
         """Prepare a way. number: of the vehicle; track: (S, 8), see `path_follower`."""
         self._traffic, self._number = traffic, number
-        steps = np.hypot(np.diff(track[:, X]), np.diff(track[:, Y]))
+        axles = rear_axles(track, vehicle)
+        steps = np.hypot(*np.diff(axles[:, :2], axis=0).T)
         self._driven = np.concatenate([[0.0], np.cumsum(steps)])  # (S,) [m] from the start
         is_place = np.arange(len(track)) % EVERY == 0
         is_place[-1] = True
         is_place |= track[:, LEFT] <= 0.0
         self._places = np.flatnonzero(is_place)  # (P,) points of the track
-        axle = track[self._places][:, (X, Y, HEADING)]
-        x, y, heading = convert(axle, vehicle, Point.REAR_AXLE, Point.MIDDLE).T
-        sizes = np.broadcast_to([0.5 * vehicle.length, 0.5 * vehicle.width], (len(x), 2))
-        self._boxes = np.column_stack([x, y, np.cos(heading), np.sin(heading), sizes])
+        self._boxes = _boxes_on(axles[self._places], track[self._places, ANGLE], vehicle)
 
     def open(self) -> bool:
         """Announce the way; False where it would block others."""
@@ -61,3 +61,16 @@ class Passage:
     def is_obstructed(self) -> bool:
         """Return whether a vehicle that has no way stands on this one."""
         return self._traffic.is_obstructed(self._number)
+
+
+def _boxes_on(axles: Floats, angles: Floats, vehicle: Vehicle) -> Floats:
+    """Return the boxes of a vehicle where its rear axle has P poses, (P, U, 6), see `boxes_of`.
+
+    axles: (P, 3); angles: (P,) [rad] at the hitch, of no meaning without a trailer.
+    """
+    bodies = np.zeros(len(axles), BODY)
+    bodies["x"], bodies["y"], heading = convert(axles, vehicle, Point.REAR_AXLE, Point.GRAVITY).T
+    bodies["heading"] = heading
+    if vehicle.trailers:
+        bodies["trailers"]["heading"][:, 0] = heading - angles
+    return boxes_of(bodies, np.repeat(vehicle_record(vehicle), len(axles)))

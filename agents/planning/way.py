@@ -18,8 +18,8 @@ from race_agents.planning.path_follower import (
     follow,
     make_track,
 )
-from race_agents.planning.towed_follower import follow_towed, make_towed_track
-from race_agents.planning.towed_path import TowedPath, before, behind
+from race_agents.planning.towed_follower import follow_towed, make_towed_track, rear_axles
+from race_agents.planning.towed_path import TowedPath, behind
 from race_agents.planning.unexpected import safe_speed
 from race_server.core.free_space.footprint import Point, convert
 from race_server.core.free_space.rig import rig_of
@@ -56,15 +56,11 @@ class Way:
 
         most: N at most, unless there are more cusps.
         """
-        track, vehicle = self.track, self._vehicle
-        axles = track[:, [X, Y, HEADING]]
-        if self._rig is not None:
-            back = track[:, GEAR] < 0.0
-            axles[back] = before(axles[back], track[back, ANGLE], vehicle.trailers[0])
+        track = self.track
         cusps = np.unique(track[:, LAST]).astype(int)
         evenly = np.linspace(0, len(track) - 1, max(most - len(cusps), 2)).astype(int)
-        rows = np.union1d(cusps, evenly)
-        return convert(axles[rows], vehicle, Point.REAR_AXLE, Point.MIDDLE)[:, :2]
+        axles = rear_axles(track[np.union1d(cusps, evenly)], self._vehicle)
+        return convert(axles, self._vehicle, Point.REAR_AXLE, Point.MIDDLE)[:, :2]
 
     def command(self, record: Any, motion: Motion, angle: float, cap: float) -> Command:
         """Return what to do now to stay on the way.

@@ -7,7 +7,8 @@ of their ways, one after the other, each standing until then where it was cleare
 that keep to their ways neither touch nor wait for each other in a circle, whatever their speeds.
 This is the banker's algorithm: Dijkstra, Cooperating sequential processes, 1965.
 
-Vehicles without a way stand where they are, and have to be driven around.
+Vehicles without a way stand where they are, and have to be driven around. A trailer is a box like
+the one of the vehicle that draws it.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core import codes
+from race_server.core.box_rows import boxes_of, listed, meeting, touching
 from race_server.core.state import Floats, Ints, World
 
 Bools = NDArray[np.bool_]
@@ -48,7 +50,7 @@ class _Way:
     somewhere in the stretch that it was cleared into.
     """
 
-    boxes: Floats  # (P, 6) of the body, see `Traffic.boxes`
+    boxes: Floats  # (P, U, 6) of the vehicle, see `boxes_of`
     passed: int = 0  # number of the stretch that was passed last
     cleared: int = 0  # number of the stretch to whose end it may drive
     refused: int = -1  # at this state of all ways it was cleared no farther
@@ -71,7 +73,7 @@ class _Way:
     def touches(self, others: Floats, apart: float, first: int = 0) -> Bools:
         """Return in which stretches from `first` on it comes near other boxes, (B, 6): (S,)."""
         start = int(self.starts[first])
-        near = touching(self.boxes[start:], others, apart).any(axis=1)
+        near = meeting(self.boxes[start:], others[:, None], apart).any(axis=1)
         return np.logical_or.reduceat(near, self.starts[first:] - start)
 
 
@@ -80,8 +82,7 @@ class Traffic:
 
     def __init__(self, vehicles: int) -> None:
         """Begin without ways."""
-        # x, y [m] of the middle, cosine and sine of the heading, half length, half width [m].
-        self.boxes = np.zeros((vehicles, 6))
+        self.boxes = np.zeros((vehicles, 1, 6))  # see `boxes_of`
         self.speeds = np.zeros(vehicles)  # [m/s]
         self.is_there: Bools = np.zeros(vehicles, bool)
         self.is_on_its_way: Bools = np.zeros(vehicles, bool)  # neither parked nor out
@@ -97,11 +98,7 @@ class Traffic:
     def watch(self, world: World, w: int) -> None:
         """Take the places of all vehicles of a world; one that is parked or out has no way left."""
         bodies, vehicles = world.bodies[w], world.vehicles[w]
-        heading, ahead = np.asarray(bodies["heading"]), np.asarray(vehicles["box_offset"])
-        cos, sin = np.cos(heading), np.sin(heading)
-        self.boxes[:, 0], self.boxes[:, 1] = bodies["x"] + ahead * cos, bodies["y"] + ahead * sin
-        self.boxes[:, 2], self.boxes[:, 3] = cos, sin
-        self.boxes[:, 4], self.boxes[:, 5] = 0.5 * vehicles["length"], 0.5 * vehicles["width"]
+        self.boxes = boxes_of(bodies, vehicles)
         self.speeds[:] = bodies["speed"]
         self.is_there[:] = bodies["status"] != codes.ABSENT
         drives = bodies["status"] == codes.RACING
@@ -137,8 +134,8 @@ class Traffic:
         mask[list(self._ways)] = True
         mask[number] = False
         boxes = self.boxes[mask]
-        boxes[:, 4:] += (NOISE + SCAN_S * np.abs(self.speeds[mask]))[:, None]
-        return boxes
+        boxes[..., 4:] += (NOISE + SCAN_S * np.abs(self.speeds[mask]))[:, None, None]
+        return listed(boxes)
 
     def obstacles(self, number: int, *, all_goals: bool) -> Floats:
         """Return what a vehicle has to plan around, (B, 6): what stands, and the goals of others.
@@ -153,9 +150,9 @@ class Traffic:
         ]
         boxes = np.concatenate([standing, np.reshape(goals, (-1, 6))])
         # From where it is already nearer there has to be a way, too.
-        own, around = self.boxes[[number]], np.full(len(boxes), AROUND)
+        own, around = self.boxes[number], np.full(len(boxes), AROUND)
         for near, less in ((AROUND, BESIDE), (BESIDE, 0.0)):
-            around[touching(boxes, own, near + MARGIN)[:, 0]] = less
+            around[touching(boxes, own, near + MARGIN).any(axis=1)] = less
         boxes[:, 4:] += around[:, None]
         return boxes
 
@@ -163,13 +160,13 @@ class Traffic:
         """Return the boxes of other vehicles without a way."""
         mask = self.is_there.copy()
         mask[[number, *self._ways]] = False
-        return self.boxes[mask]
+        return listed(self.boxes[mask])
 
     def announce(self, number: int, boxes: Floats) -> bool:
-        """Take the way of a vehicle, (P, 6) places of its body; False where it would block others.
+        """Take the way of a vehicle, (P, U, 6) places of its boxes; False where it blocks others.
 
-        The vehicle is at the first place. Places are so near to each other that the body moves by
-        no more than APART from one to the next.
+        The vehicle is at the first place. Places are so near to each other that the vehicle moves
+        by no more than APART from one to the next.
         """
         self.withdraw(number)
         self._ways[number] = _Way(boxes)
@@ -190,7 +187,7 @@ class Traffic:
         somewhere behind s, while the other is in t.
         """
         way, its = self._ways[one], self._ways[other]
-        meets = touching(way.boxes, its.boxes, APART)
+        meets = meeting(way.boxes, its.boxes, APART)
         meets = np.logical_or.reduceat(meets, way.starts, axis=0)
         meets = np.logical_or.reduceat(meets, its.starts, axis=1)
         for pair, table in (((one, other), meets), ((other, one), meets.T)):
@@ -254,7 +251,7 @@ class Traffic:
     def _is_occupied(self, number: int, first: int) -> Bools:
         """Return in which stretches of a way from `first` on a vehicle without a way stands."""
         way, standing = self._ways[number], self._standing(number)
-        is_near = touching(way.boxes[:1], standing, BESIDE)[0]
+        is_near = touching(way.boxes[0], standing, BESIDE).any(axis=0)
         beside = way.touches(standing[~is_near], BESIDE, first)
         return beside | way.touches(standing[is_near], 0.0, first)
 
@@ -288,29 +285,3 @@ class Traffic:
             any(o != one and self._will_meet[one, o][stretch, stretches[o]] for o in left)
             or any(self._will_meet[one, o][stretch, -1] for o in arrived)
         )
-
-
-def touching(ones: Floats, others: Floats, apart: float) -> Bools:
-    """Return which boxes of two lists come nearer than `apart` [m], (P, Q).
-
-    ones: (P, 6); others: (Q, 6), see `Traffic.boxes`. Both grow by half of `apart` on all sides;
-    then they overlap unless a line along a side of one separates them.
-    """
-    reach = np.hypot(ones[:, 4], ones[:, 5])[:, None] + np.hypot(others[:, 4], others[:, 5])
-    dx = others[None, :, 0] - ones[:, None, 0]
-    dy = others[None, :, 1] - ones[:, None, 1]
-    near: Bools = dx * dx + dy * dy < np.square(reach + 2.0 * apart)
-    p, q = np.nonzero(near)
-    dx, dy = dx[p, q], dy[p, q]
-    cos1, sin1, length1, width1 = ones[p, 2:].T
-    cos2, sin2, length2, width2 = others[q, 2:].T
-    cos, sin = np.abs(cos1 * cos2 + sin1 * sin2), np.abs(sin1 * cos2 - cos1 * sin2)
-    length1, width1 = length1 + 0.5 * apart, width1 + 0.5 * apart
-    length2, width2 = length2 + 0.5 * apart, width2 + 0.5 * apart
-    near[p, q] = (
-        (np.abs(dx * cos1 + dy * sin1) < length1 + length2 * cos + width2 * sin)
-        & (np.abs(dy * cos1 - dx * sin1) < width1 + length2 * sin + width2 * cos)
-        & (np.abs(dx * cos2 + dy * sin2) < length2 + length1 * cos + width1 * sin)
-        & (np.abs(dy * cos2 - dx * sin2) < width2 + length1 * sin + width1 * cos)
-    )
-    return near

@@ -58,6 +58,17 @@ def reverse(rig: Rig, towed: Towed, way: float, wanted: float | None = None) -> 
     return towed
 
 
+@pytest.mark.parametrize("sharp", [0.9, -0.9])
+def test_a_way_through_a_sharper_angle_than_a_controller_asks_for_is_kept_to(sharp: float) -> None:
+    rig = loose_rig(CAR_TRAILER.name)
+    assert rig.sharpest < abs(sharp) < rig.limit
+    assert angle_towards(rig, 0.0, 0.0, sharp, -1.0) == pytest.approx(sharp)
+    # Off the way by a metre it is asked for an angle back, and for none beyond that of the way.
+    asked = [angle_towards(rig, offset, 0.0, sharp, -1.0) for offset in (1.0, -1.0)]
+    assert max(map(abs, asked)) == pytest.approx(abs(sharp))
+    assert min(map(abs, asked)) < abs(sharp)
+
+
 @given(st.sampled_from(NAMES), st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.booleans())
 @settings(max_examples=100, deadline=None)
 def test_the_angles_error_decays_at_the_gains_rate_forward_and_back(

@@ -4,6 +4,7 @@ import math
 from concurrent.futures import Future
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from race_agents.planning.towed_follower import make_towed_track
 from race_agents.planning.towed_path import TowedPath, before, behind
 from race_agents.planning.towed_planner import TowedPlanner
 from race_agents.planning.way import Way
+from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.core.free_space.ground import NO_BOXES, Ground
 from race_server.core.free_space.prices import Prices
 from race_server.core.free_space.towed_ways import find_towed_ways, towed_way
@@ -233,6 +235,23 @@ def test_a_lorry_docks_by_noisy_places_of_a_tenth_of_a_second_ago() -> None:
     assert done.ending == "docked"
     assert math.hypot(done.along, done.across) < 0.15
     assert abs(done.turn) < 0.1
+
+
+def test_two_lorries_dock_and_neither_touches_the_other() -> None:
+    for done in drive_exam(ExamSpec("dock-35", seeds=[3, 4], vehicles=2), "valet"):
+        assert done.figures["is_success"]
+
+
+def test_a_car_with_a_trailer_parks_as_straight_as_its_level_asks(tmp_path: Path) -> None:
+    """Car and trailer in line within 3°, and the car within 0.15 m: docked well is not enough."""
+    lot = tmp_path / "yard.toml"
+    lot.write_text(
+        "area = [0, 60, 0, 40]\nvehicle = 'car-trailer'\nlimit_s = 120\n"
+        "[[rows]]\nat = [20, 33]\ncount = 6\npitch = 4\nheading = 270\nlength = 12\nwidth = 3\n"
+        "[[zones]]\nrole = 'start'\nx = [10, 50]\ny = [8, 14]\nspread = 20\nhitch = 20\n"
+    )
+    for done in drive_exam(ExamSpec(str(lot), seeds=[1, 5, 9]), "valet"):
+        assert done.figures["is_success"]
 
 
 def test_without_a_way_a_lorry_asks_again_after_4_8_16_32_and_64_s(

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from race_server.core import codes
-from race_server.core.state import Floats
-from race_server.core.traffic import APART, AROUND, BESIDE, STRETCH, Traffic, touching
+from race_server.core.box_rows import boxes_of, listed, touching
+from race_server.core.state import BODY, Floats
+from race_server.core.traffic import APART, AROUND, BESIDE, STRETCH, Traffic
+from race_server.core.vehicle_presets import CAR, LORRY
+from race_server.core.vehicles import vehicle_record
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 
@@ -29,10 +32,15 @@ def straight(x0: float, y0: float, x1: float, y1: float) -> Floats:
     return np.array([box(x, y, heading) for x, y in places])
 
 
+def alone(way: Floats) -> Floats:
+    """Return a way as that of a vehicle without a trailer."""
+    return way[:, None]
+
+
 def traffic_at(*boxes: Floats) -> Traffic:
     """Return the traffic of vehicles that stand at these places, on their way."""
     traffic = Traffic(len(boxes))
-    traffic.boxes[:] = boxes
+    traffic.boxes = np.stack([np.reshape(own, (-1, 6)) for own in boxes])
     traffic.is_there[:] = traffic.is_on_its_way[:] = True
     return traffic
 
@@ -46,7 +54,7 @@ def drive_all(traffic: Traffic, ways: dict[int, Floats]) -> bool:
             at[number] = min(at[number] + STRETCH, traffic.clear(number, at[number]))
             traffic.boxes[number] = way[at[number]]
         for one, other in combinations(range(len(traffic.boxes)), 2):
-            assert not touching(traffic.boxes[[one]], traffic.boxes[[other]], 0.0).any()
+            assert not touching(traffic.boxes[one], traffic.boxes[other], 0.0).any()
         if at == before:
             return False
     return True
@@ -69,15 +77,15 @@ def test_two_boxes_corner_to_corner_do_not_touch_although_their_discs_do() -> No
 def test_at_a_crossing_one_waits_for_the_other_and_both_arrive() -> None:
     ways = {0: straight(0.0, 0.0, 20.0, 0.0), 1: straight(10.0, -10.0, 10.0, 10.0)}
     traffic = traffic_at(ways[0][0], ways[1][0])
-    assert traffic.announce(0, ways[0])
-    assert traffic.announce(1, ways[1])
+    assert traffic.announce(0, alone(ways[0]))
+    assert traffic.announce(1, alone(ways[1]))
     assert drive_all(traffic, ways)
 
 
 def test_who_follows_keeps_behind() -> None:
     ways = {0: straight(5.0, 0.0, 25.0, 0.0), 1: straight(0.0, 0.0, 20.0, 0.0)}
     traffic = traffic_at(ways[0][0], ways[1][0])
-    assert all(traffic.announce(number, way) for number, way in ways.items())
+    assert all(traffic.announce(number, alone(way)) for number, way in ways.items())
     # One metre is free between them, and 10 cm stay so: two stretches of 0.4 m.
     assert traffic.clear(1, 0) == 8
     assert drive_all(traffic, ways)
@@ -86,8 +94,8 @@ def test_who_follows_keeps_behind() -> None:
 def test_of_two_that_come_face_to_face_only_the_first_announces_its_way() -> None:
     ways = {0: straight(0.0, 0.0, 20.0, 0.0), 1: straight(20.0, 0.0, 0.0, 0.0)}
     traffic = traffic_at(ways[0][0], ways[1][0])
-    assert traffic.announce(0, ways[0])
-    assert not traffic.announce(1, ways[1])
+    assert traffic.announce(0, alone(ways[0]))
+    assert not traffic.announce(1, alone(ways[1]))
     # The first cannot pass it either, and knows what stands there.
     assert traffic.is_obstructed(0)
     assert traffic.clear(0, 0) < 160
@@ -105,7 +113,7 @@ def test_no_one_enters_a_lane_that_another_still_has_to_leave() -> None:
     back[:, 2:4] = 1.0, 0.0
     ways = {0: np.concatenate([straight(-8.0, 0.0, -0.1, 0.0), lane]), 1: back}
     traffic = traffic_at(ways[0][0], ways[1][0])
-    assert all(traffic.announce(number, way) for number, way in ways.items())
+    assert all(traffic.announce(number, alone(way)) for number, way in ways.items())
     assert drive_all(traffic, ways)
 
 
@@ -117,13 +125,13 @@ def test_a_corner_that_touches_another_between_the_ends_of_a_stretch_is_seen() -
     way[:, 2:4] = stands[2:4]
     assert not touching(way[[20, 24]], stands[None], APART).any()
     traffic = traffic_at(way[0], stands)
-    assert traffic.announce(0, way)
+    assert traffic.announce(0, alone(way))
     assert traffic.is_obstructed(0)
     assert traffic.clear(0, 0) == 20
     # So it is where the other has a way, and stands at its beginning.
     leaves = straight(0.0, 0.0, -20.0, 0.0)
     leaves[:, 2:4] = stands[2:4]
-    assert traffic.announce(1, leaves)
+    assert traffic.announce(1, alone(leaves))
     assert traffic.clear(0, 0) == 20
 
 
@@ -137,12 +145,12 @@ def test_the_nearer_another_stands_the_less_a_plan_has_to_keep_away_from_it() ->
 
 def test_who_stands_close_beside_another_is_cleared_away_from_it_and_not_into_it() -> None:
     traffic = traffic_at(box(0.0, 0.0), box(0.0, 2.0 + 0.5 * BESIDE))
-    assert traffic.announce(0, straight(0.0, 0.0, 8.0, 0.0))
+    assert traffic.announce(0, alone(straight(0.0, 0.0, 8.0, 0.0)))
     assert not traffic.is_obstructed(0)
     assert traffic.clear(0, 0) > 0
     into = straight(0.0, 0.0, 8.0, 0.0)
     into[1:, 1] += BESIDE
-    assert traffic.announce(0, into)
+    assert traffic.announce(0, alone(into))
     assert traffic.is_obstructed(0)
     assert traffic.clear(0, 0) == 0
 
@@ -156,7 +164,7 @@ def test_all_who_announced_a_way_arrive_and_none_touches_another(seed: int) -> N
         x, y, cos, sin = starts[number][:4]
         way = chance.uniform(15.0, 40.0)
         ways[number] = straight(x, y, x + way * cos, y + way * sin)
-        if not traffic.announce(number, ways[number]):
+        if not traffic.announce(number, alone(ways[number])):
             del ways[number]
     # Those that announced none stand where they are, and may be in the way.
     moving = {n: w for n, w in ways.items() if not traffic.is_obstructed(n)}
@@ -171,7 +179,7 @@ def test_who_stands_without_a_way_is_seen_in_advance_and_who_drives_without_one_
     traffic = traffic_at(box(0.0, 0.0), box(9.0, 0.0), box(18.0, 0.0))
     traffic.speeds[:] = 0.0, 0.0, 2.0
     assert traffic.expected(0)[:, 0].tolist() == [9.0]
-    assert traffic.announce(2, straight(18.0, 0.0, 30.0, 0.0))
+    assert traffic.announce(2, alone(straight(18.0, 0.0, 30.0, 0.0)))
     # 0.1 m for noise, and what 2 m/s make in the 0.15 s of a scan.
     assert traffic.expected(0)[:, 4].tolist() == pytest.approx([2.1, 2.4])
 
@@ -181,7 +189,7 @@ def test_the_goals_of_others_are_planned_around() -> None:
     traffic.aim(1, box(40.0, 5.0))
     assert traffic.obstacles(0, all_goals=True)[:, 0].tolist() == [9.0, 40.0]
     assert traffic.obstacles(0, all_goals=False)[:, 0].tolist() == [9.0]
-    assert traffic.announce(1, straight(9.0, 0.0, 40.0, 0.0))
+    assert traffic.announce(1, alone(straight(9.0, 0.0, 40.0, 0.0)))
     assert traffic.obstacles(0, all_goals=False)[:, 0].tolist() == [40.0]
 
 
@@ -197,12 +205,53 @@ def test_who_is_parked_has_no_way_any_more() -> None:
     traffic.watch(world, 0)
     car, parker = world.bodies[0, 0], world.parking.parkers[0, 0]
     assert traffic.is_on_its_way.all()
-    x, y = traffic.boxes[0, :2]
+    x, y = traffic.boxes[0, 0, :2]
     assert math.hypot(x - car.x, y - car.y) == pytest.approx(abs(world.vehicles[0, 0].box_offset))
-    assert traffic.announce(0, straight(x, y, x + 5.0, y))
+    assert traffic.announce(0, alone(straight(x, y, x + 5.0, y)))
     world.bodies["status"][0, 0] = codes.FINISHED
     before = traffic.changes
     traffic.watch(world, 0)
     assert traffic.changes > before
     assert len(traffic.obstacles(1, all_goals=True)) == 1
     assert parker.slot >= 0
+
+
+# Trailers
+
+
+def test_the_boxes_of_a_lorry_and_of_a_car_beside_it_are_theirs() -> None:
+    bodies, vehicles = np.zeros(2, BODY), np.concatenate(list(map(vehicle_record, (LORRY, CAR))))
+    bodies["x"], bodies["y"], bodies["heading"] = (3.0, 40.0), (4.0, 0.0), (0.5, -1.0)
+    bodies["trailers"]["heading"][0, 0] = 0.2
+    boxes = boxes_of(bodies, vehicles)
+    for number, box_at in enumerate(LORRY.boxes_at(3.0, 4.0, 0.5, [0.2])):
+        x, y, heading, length, width = box_at
+        wanted = [x, y, math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width]
+        assert boxes[0, number].tolist() == pytest.approx(wanted)
+    assert np.isnan(boxes[1, 1]).all()
+    assert len(listed(boxes)) == 3
+
+
+def with_trailer(way: Floats) -> Floats:
+    """Return a straight way as that of a vehicle that draws a trailer 5 m behind it."""
+    drawn = way.copy()
+    drawn[:, :2] -= 5.0 * way[:, 2:4]
+    return np.stack([way, drawn], axis=1)
+
+
+def test_at_a_crossing_one_waits_until_the_trailer_of_the_other_is_past() -> None:
+    ways = {
+        0: with_trailer(straight(-5.0, 0.0, 20.0, 0.0)),
+        1: with_trailer(straight(10.0, -14.0, 10.0, 14.0)),
+    }
+    traffic = traffic_at(ways[0][0], ways[1][0])
+    assert all(traffic.announce(number, way) for number, way in ways.items())
+    assert drive_all(traffic, ways)
+
+
+def test_a_trailer_that_stands_is_an_obstacle_as_its_vehicle_is() -> None:
+    rig = with_trailer(straight(0.0, 0.0, 5.0, 0.0))[0]
+    nothing = np.full(6, np.nan)
+    traffic = traffic_at(np.stack([box(0.0, 20.0), nothing]), rig)
+    assert traffic.obstacles(0, all_goals=True)[:, 0].tolist() == [0.0, -5.0]
+    assert traffic.expected(0)[:, 0].tolist() == [0.0, -5.0]
