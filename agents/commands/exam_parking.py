@@ -21,7 +21,7 @@ from race_server.pictures import check_picture
 from race_server.terminal import Console, TextColumn
 
 if TYPE_CHECKING:
-    from race_server.competition.parking_exam import ExamSpec
+    from race_server.competition.parking_exam import ExamSpec, Try
 
 MOST_TASKS = 1_000_000  # of each scenario; more would be weeks of driving
 
@@ -255,7 +255,16 @@ def _examine(
                 known = {key: plan for key, plan in plans.items() if plan is not None}
                 tally = ParkingTally.of(one.figures for one in tries)
                 rounds = RoundTally.of(tries) if spec.vehicles > 1 else None
-                yield Result(driver, spec, tries, known, tally, rounds)
+                yield Result(driver, spec, tries, known, tally, rounds, _hopeless(spec, tries))
+
+
+def _hopeless(spec: "ExamSpec", tries: "Sequence[Try]") -> dict[int, str]:
+    """Return which of the tasks that failed no vehicle could do, by their seeds, and why."""
+    from race_server.scenario.lot.check import hopeless
+
+    rounds = {one.round_seed: one.seed for one in tries if not one.figures["is_success"]}
+    found = hopeless(spec.lot, list(rounds), spec.vehicle, spec.vehicles) if rounds else {}
+    return {rounds[seed]: fault for seed, fault in found.items()}
 
 
 @contextmanager

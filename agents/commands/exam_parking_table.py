@@ -43,6 +43,14 @@ def show_parking(results: Sequence[Result]) -> None:
             told = ", ".join(map(str, seeds[:MOST_TOLD])) + (", …" * (len(seeds) > MOST_TOLD))
             name = f"{result.driver}, {result.spec.lot}"
             console.print(f"{name}: {ending} {len(seeds)}, seeds {told}", highlight=False)
+        if result.hopeless:
+            seed, fault = min(result.hopeless.items())
+            console.print(
+                f"{result.driver}, {result.spec.lot}: {len(result.hopeless)} of these tasks cannot "
+                f"be done by any driver, see race lot check; seed {seed}: {fault}",
+                style="yellow",
+                highlight=False,
+            )
         if result.rounds is not None:
             _show_rounds(result, result.rounds, console)
         for fault in result.row()["faults"]:
@@ -51,12 +59,13 @@ def show_parking(results: Sequence[Result]) -> None:
 
 def _show_rounds(result: Result, rounds: "RoundTally", console: Console) -> None:
     low, high = (100.0 * bound for bound in rounds.all_parked_interval)
+    mean_s = rounds.last_time_s_mean
+    last = "" if mean_s is None else f", the last after {mean_s:.1f} s in the mean"
     parked = round(rounds.rounds * rounds.all_parked_rate)
     console.print(
         f"{result.driver}, {result.spec.lot}: all {result.spec.vehicles} vehicles parked in "
-        f"{parked} of {rounds.rounds} rounds ({low:.1f}-{high:.1f} %), the last after "
-        f"{_figure(rounds.last_time_s_mean, 1)} s in the mean; contacts in {rounds.with_contact}, "
-        f"deadlocks in {rounds.deadlocks}",
+        f"{parked} of {rounds.rounds} rounds ({low:.1f}-{high:.1f} %){last}; contacts in "
+        f"{rounds.with_contact}, deadlocks in {rounds.deadlocks}",
         highlight=False,
     )
 

@@ -22,6 +22,7 @@ class Result:
     plans: "dict[tuple[int, int], PlannedWay]"  # by seed and vehicle
     tally: "ParkingTally"
     rounds: "RoundTally | None"  # of several vehicles
+    hopeless: dict[int, str]  # failed tasks that no vehicle could do, by seed, and why
 
     def parked_beside_plan(self) -> "list[tuple[Try, PlannedWay]]":
         """Return the tries that were parked, each with its plan."""
@@ -73,6 +74,7 @@ class Result:
             "decision_ms_p95": self.decision_ms(95.0),
             "decision_ms_worst": self.decision_ms(100.0),
             "failed_seeds": self.failed_seeds(),
+            "hopeless_seeds": sorted(self.hopeless),
             "faults": sorted({one.fault for one in self.tries if one.fault}),
             "rounds": asdict(self.rounds) if self.rounds else None,
         }

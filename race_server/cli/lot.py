@@ -91,17 +91,20 @@ def check(
 ) -> None:
     """Check whether a vehicle can park in a car park. Exit code 1 if it cannot.
 
-    Slots have to be large enough, and a way as wide as the vehicle has to lead there; whether the
-    vehicle can turn on it, `race park` shows.
+    Slots have to be large enough, and a way as wide as the vehicle has to lead there, from the
+    start to the slot of each round that is drawn; whether the vehicle can turn on it, `race park`
+    shows.
     """
     from race_server.core.kernels.jit import is_compiled
+    from race_server.core.vehicle_presets import vehicle_named
     from race_server.scenario.lot.check import check_lot
     from race_server.scenario.lot.load import load_lot, summary
 
+    lot = summary(load_lot(name))
+    vehicle_named(vehicle or lot["vehicle"])
     if not is_compiled():
         say("compiling the simulation for this machine, once: about a minute", error=True)
     findings = check_lot(name, vehicle, seeds, vehicles)
-    lot = summary(load_lot(name))
     print_findings("lot", lot["name"], vehicle or lot["vehicle"], findings, as_json)
 
 
@@ -115,9 +118,12 @@ def import_lot(
 ) -> None:
     """Convert a case of the TPCAP benchmark into a car park."""
     from race_server.scenario.lot.load import summary
-    from race_server.scenario.lot.tpcap import import_case
+    from race_server.scenario.lot.tpcap import import_case, read_case
 
     if to.suffix != ".toml":
         raise LotError(f"{to}: write the lot as .toml")
     lot = summary(import_case(source, to, title=title or source.stem))
-    say(f"{to}: {lot['size_m'][0]:g} × {lot['size_m'][1]:g} m, {lot['polygons']} obstacles")
+    beyond = len(read_case(source).polygons) - lot["polygons"]
+    left_out = f", {beyond} outside of it left out" if beyond > 0 else ""
+    size = f"{lot['size_m'][0]:g} × {lot['size_m'][1]:g} m"
+    say(f"{to}: {size}, {lot['polygons']} obstacles{left_out}")

@@ -12,6 +12,7 @@ from race_server.cli.serve_options import VALET
 from race_server.cli.start import StartOptions, start_session
 from race_server.core.bounds import MOST_ROUND_S
 from race_server.core.seeds import MOST_SEED
+from race_server.errors import ScenarioError
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class ParkOptions:
     vehicle: Annotated[
         str, typer.Option(help="Vehicle. Default: the one that the car park is made for.")
     ] = ""
-    seed: Annotated[int, typer.Option(max=MOST_SEED, help="Seed of the round.")] = 1
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the round.")] = 1
     pace: Annotated[
         str, typer.Option(help="real: 60 ticks a second. lockstep: wait for every driver.")
     ] = "real"
@@ -68,6 +69,8 @@ class ParkOptions:
 @expand_options
 def park(options: ParkOptions) -> None:
     """Let vehicles park: a server, one process for each driver, and a live table."""
+    if not options.driver.strip():
+        raise ScenarioError(f"--driver names none; choose one that parks, such as {VALET}")
     start_session(
         StartOptions(
             lot=options.lot,

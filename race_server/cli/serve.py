@@ -99,6 +99,8 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
     warm_up(scenario, (*inside, *valets))
+    if options.lot:
+        _check_round(options)
     every = 1 if fillers else options.karts
     return Service(
         scenario=scenario,
@@ -216,6 +218,22 @@ def _needs_line(fillers: tuple[str, ...], inside: tuple[str, ...]) -> bool:
         for name in dict.fromkeys(fillers)
     ]
     return any(wants_line(preset) for preset in presets)
+
+
+def _check_round(options: ServeOptions) -> None:
+    """Check that the first round in a car park can be driven.
+
+    Raises:
+        ScenarioError: a vehicle starts in a wall, or no free way leads to its slot.
+    """
+    from race_server.scenario.lot.check import hopeless
+
+    seeds = [options.seed]
+    for fault in hopeless(options.lot, seeds, options.vehicle, options.karts).values():
+        raise ScenarioError(
+            f"lot {options.lot!r}, --seed {options.seed}: {fault}; choose another seed, and see "
+            "race lot check"
+        )
 
 
 def _valets(options: ServeOptions) -> tuple[str, ...]:

@@ -109,7 +109,7 @@ class RaceOptions:
     karts: Annotated[int, typer.Option(min=1, max=MOST_KARTS, help="Number of seats.")] = 8
     laps: Annotated[int, typer.Option(min=1, max=MOST_LAPS, help="Laps to the finish.")] = 3
     seed: Annotated[
-        int, typer.Option(max=MOST_SEED, help="Seed of every random draw in the race.")
+        int, typer.Option(min=0, max=MOST_SEED, help="Seed of every random draw in the race.")
     ] = 1
     pace: Annotated[
         str,

@@ -103,13 +103,27 @@ def tell_to_park(
     Raises:
         DriverError: it cannot park.
     """
-    if not isinstance(driver, ParkingDriver):
-        raise DriverError(
-            f"driver {name!r} cannot park: it takes no order; choose one that does, such as valet"
-        )
+    driver = _parking(driver, name)
     if traffic is not None and isinstance(driver, YieldingDriver):
         driver.join(traffic)
     driver.park(order)
+
+
+def check_parks(name: str) -> None:
+    """Check that the driver of a name takes orders to park.
+
+    Raises:
+        DriverError: there is none, or it takes none.
+    """
+    _parking(driver_named(name), name)
+
+
+def _parking(driver: Driver, name: str) -> ParkingDriver:
+    if isinstance(driver, ParkingDriver):
+        return driver
+    raise DriverError(
+        f"driver {name!r} cannot park: it takes no order; choose one that does, such as valet"
+    )
 
 
 # Called with what stands behind the colon of a name, or with nothing.

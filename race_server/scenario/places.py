@@ -28,7 +28,14 @@ def folders_of(kind: str) -> list[Path]:
 
 def names_of(kind: str) -> list[str]:
     """Return the names of all files that can be found."""
-    return sorted({path.stem for folder in folders_of(kind) for path in folder.glob("*.toml")})
+    return sorted(
+        {
+            path.stem
+            for folder in folders_of(kind)
+            for path in folder.glob("*.toml")
+            if _is_file(path)
+        }
+    )
 
 
 def path_of(kind: str, name: str) -> Path | None:

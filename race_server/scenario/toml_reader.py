@@ -29,11 +29,13 @@ class TomlReader:
 
     def wrong(self, key: str, value: object, way_out: str) -> RaceError:
         """Return the error that names a key, its value and what to give instead."""
+        if value is None:
+            return self.error(f"{self.file}: {key} is missing: {way_out}")
         try:
-            text = str(value)[:60]
+            text = (repr(value) if isinstance(value, str) else str(value))[:60]
         except ValueError:  # of an integer in hexadecimal that Python writes in no other way
             text = "an integer of thousands of digits"
-        return self.error(f"{self.file}: {key} = {text!r}: {way_out}")
+        return self.error(f"{self.file}: {key} = {text}: {way_out}")
 
     def take(self, key: str, default: Any) -> Any:
         """Take a value out, unchecked."""

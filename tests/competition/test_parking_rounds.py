@@ -65,7 +65,7 @@ class Stays:
     def act(self, observation: Observation) -> Control:
         # Its own place is that of the traffic.
         x, y = (observation.scalar(f"position_{axis}") for axis in "xy")
-        assert self.traffic.boxes[self.seat, :2] == pytest.approx((x, y), abs=1e-3)
+        assert self.traffic.boxes[self.seat, 0, :2] == pytest.approx((x, y), abs=1e-3)
         return Control(brake=1.0)
 
 

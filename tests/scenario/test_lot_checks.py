@@ -13,12 +13,13 @@ from typer.testing import CliRunner
 
 from race_server.cli.lot import app
 from race_server.core.vehicle_presets import CAR, KART_13, vehicle_named
+from race_server.core.vehicles import Vehicle
 from race_server.errors import ScenarioError
-from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.check import check_lot, hopeless
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
-from race_server.scenario.lot.ways import cut_off, ways_in
+from race_server.scenario.lot.ways import Ways, cut_off
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
 from support.lots import ONE_BAY
@@ -37,6 +38,10 @@ def write(tmp_path: Path, text: str) -> str:
     path = tmp_path / "lot.toml"
     path.write_text(text)
     return str(path)
+
+
+def parted_in(name: str, vehicle: Vehicle) -> list[str]:
+    return cut_off(Ways(load_lot(name), vehicle))
 
 
 def gate(tmp_path: Path, gap: float) -> str:
@@ -112,19 +117,26 @@ def test_what_lies_under_a_rectangle_is_named() -> None:
 def test_a_car_of_1_94_m_finds_a_way_through_2_10_m_and_none_through_1_70_m(
     tmp_path: Path,
 ) -> None:
-    assert cut_off(load_lot(gate(tmp_path, 2.1)), CAR) == []
-    (sentence,) = cut_off(load_lot(gate(tmp_path, 1.7)), CAR)
+    assert parted_in(gate(tmp_path, 2.1), CAR) == []
+    (sentence,) = parted_in(gate(tmp_path, 1.7), CAR)
     assert sentence == (
         "no free way leads from a start to slot 0 at (30.00, 10.00) m for car, 1.94 m wide"
     )
-    assert cut_off(load_lot(gate(tmp_path, 1.7)), KART_13) == []
+    assert parted_in(gate(tmp_path, 1.7), KART_13) == []
 
 
-def test_the_cells_that_are_reached_lie_on_the_side_of_the_start(tmp_path: Path) -> None:
-    ways = ways_in(load_lot(gate(tmp_path, 1.0)), CAR)
-    columns = ways.x0 + (np.flatnonzero(ways.reached.any(axis=0)) + 0.5) * ways.cell
-    assert columns.min() == pytest.approx(0.97, abs=ways.cell)
-    assert columns.max() == pytest.approx(20.0 - 0.05 - 0.97, abs=1.5 * ways.cell)
+def test_places_on_one_side_of_a_wall_share_a_region_up_to_half_a_car_from_it(
+    tmp_path: Path,
+) -> None:
+    ways = Ways(load_lot(gate(tmp_path, 1.0)), CAR)
+
+    def at(x: float) -> set[int]:
+        return ways.regions((x, x), (10.0, 10.0))
+
+    half, coarse = 0.5 * CAR.width, 0.45  # [m] of it, three cells or four
+    assert at(half + coarse) == at(20.0 - 0.05 - half - coarse) != at(20.05 + half + coarse)
+    assert not at(half - coarse)
+    assert not at(20.0 - 0.05 - half + coarse)
 
 
 @pytest.mark.parametrize("is_reversed", [False, True])
@@ -135,19 +147,19 @@ def test_it_does_not_matter_in_which_order_start_zones_are_named(
     head, wide = GATE.format(low=10, high=10).split("[[zones]]", 1)
     zones = [wide, '\nrole = "start"\nx = [5, 28]\ny = [5, 15]\n']
     text = "[[zones]]".join([head, *zones[:: -1 if is_reversed else 1]])
-    assert cut_off(load_lot(write(tmp_path, text)), CAR) == []
+    assert parted_in(write(tmp_path, text), CAR) == []
 
 
 def test_a_start_in_a_wall_and_a_goal_behind_one_are_told(tmp_path: Path) -> None:
     text = GATE.format(low=10, high=10) + "[[zones]]\nrole = 'goal'\nx = [25, 35]\ny = [2, 6]\n"
     text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
-    found = cut_off(load_lot(write(tmp_path, text)), CAR)
+    found = parted_in(write(tmp_path, text), CAR)
     assert found == [
         "no free way leads from a start to the goal zone x 25 to 35, y 2 to 6 m for car, "
         "1.94 m wide"
     ]
     inside = GATE.format(low=4, high=16).replace("[5, 10]", "[20, 20]").replace("[5, 15]", "[2, 2]")
-    found = cut_off(load_lot(write(tmp_path, inside)), CAR)
+    found = parted_in(write(tmp_path, inside), CAR)
     assert found[0].startswith("start zone x 20 to 20, y 2 to 2 m lies in a wall: it has no place")
 
 
@@ -165,8 +177,8 @@ def test_a_start_that_is_too_near_to_a_wall_is_an_error(tmp_path: Path) -> None:
     (finding,) = check_lot(write(tmp_path, text), rounds=10)
     assert finding.level == "error"
     assert finding.what == (
-        "in 10 of 10 rounds (100.0%) no free place was found for the start: first it touches the "
-        "obstacle at (20.00, 2.00) m; make its zone larger"
+        "in 10 of 10 rounds (100.0%) no free place was found for the start, first under the "
+        "seed 0: it touches the obstacle at (20.00, 2.00) m; make its zone larger"
     )
 
 
@@ -174,10 +186,8 @@ def test_a_goal_zone_without_room_for_a_slot_is_an_error(tmp_path: Path) -> None
     text = GATE.format(low=4, high=16) + "[[zones]]\nrole = 'goal'\nx = [39, 39]\ny = [10, 10]\n"
     text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
     (finding,) = check_lot(write(tmp_path, text), rounds=4)
-    assert (finding.level, "for the slot: first it touches the border" in finding.what) == (
-        "error",
-        True,
-    )
+    assert finding.level == "error"
+    assert "for the slot, first under the seed 0: it touches the border" in finding.what
 
 
 def test_blocks_that_find_no_room_are_a_warning(tmp_path: Path) -> None:
@@ -195,7 +205,9 @@ def test_a_start_that_cannot_be_as_far_from_the_slot_as_asked_is_an_error(tmp_pa
     (finding,) = check_lot(write(tmp_path, text), rounds=4)
     assert finding.level == "error"
     # From x = 5 to 10 m to a slot at x = 30 m it is 20 to 25.5 m.
-    assert re.search(r"in 4 of 4 .* for the start: first it is 2\d\.\d\d m from", finding.what)
+    assert re.search(
+        r"in 4 of 4 .* for the start, first under the seed 0: it is 2\d\.\d\d m from", finding.what
+    )
 
 
 @pytest.mark.parametrize(("start", "distance"), [(5.4, 24.6), (6.4, 23.6), (0.7, 29.3)])
@@ -216,7 +228,10 @@ def test_eight_vehicles_start_apart_before_the_gate_and_not_in_a_zone_of_one_pla
     path = write(tmp_path, text + "[[rows]]\nat = [30, 5]\nlength = 5.2\nwidth = 2.5\n")
     assert check_lot(path, rounds=5) == []
     (finding,) = check_lot(path, rounds=5, vehicles=2)
-    assert "for the start: first it touches another at (8.00, 9.00) m" in finding.what
+    assert (
+        "for the start, first under the seed 0: it touches another at (8.00, 9.00) m"
+        in finding.what
+    )
     with pytest.raises(ScenarioError, match=r"3 vehicles on lot: it has 2 slots; two vehicles can"):
         check_lot(path, rounds=5, vehicles=3)
 
@@ -241,8 +256,8 @@ def test_people_who_begin_in_a_wall_are_told(tmp_path: Path) -> None:
     (finding,) = check_lot(write(tmp_path, text + people.format(23, 25)), rounds=4)
     assert finding.level == "warning"
     assert finding.what == (
-        "in 4 of 4 rounds (100.0%) no free place was found for a person: first it touches the "
-        "obstacle at (24.00, 12.00) m; make their zone larger"
+        "in 4 of 4 rounds (100.0%) no free place was found for a person, first under the "
+        "seed 0: it touches the obstacle at (24.00, 12.00) m; make their zone larger"
     )
     # Where their zone is free in part, they begin there.
     assert check_lot(write(tmp_path, text + people.format(23, 29)), rounds=4) == []
@@ -302,3 +317,22 @@ def test_a_vehicle_too_large_for_the_slots_of_a_zone_makes_no_round_where_it_has
         parking_scenario("zone-30", vehicle="car", level="parked")
     within_half_a_metre = parking_scenario("zone-30", vehicle="car", level="report-a-1")
     make_world(within_half_a_metre)
+
+
+def test_a_round_whose_start_and_slot_lie_on_two_sides_of_a_wall_is_counted(tmp_path: Path) -> None:
+    # Starts from x = 4 to 20 m, a wall without a gate at 12 m.
+    text = f"walls = [[12, 0, 12, 20]]{ONE_BAY}".replace("[5, 10]", "[4, 20]")
+    name = write(tmp_path, text)
+    (finding,) = check_lot(name, rounds=20)
+    assert finding.level == "error"
+    parted = list(hopeless(name, range(20)))
+    assert 0 < len(parted) < 20
+    assert finding.what.startswith(
+        f"in {len(parted)} of 20 rounds ({len(parted) / 20:.1%}) a vehicle cannot get to its slot, "
+        f"first under the seed {parted[0]}: no free way leads from ("
+    )
+
+
+def test_the_inside_of_an_obstacle_is_no_place_to_start(tmp_path: Path) -> None:
+    name = write(tmp_path, f"obstacles = [[7, 10, 0, 14, 16]]{ONE_BAY}")
+    assert "lies in a wall: it has no place" in check_lot(name, rounds=10)[0].what

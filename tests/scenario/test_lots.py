@@ -17,7 +17,7 @@ from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.generated import generated_file
 from race_server.scenario.lot.load import load_lot, lot_names, summary
 from race_server.scenario.lot.site import polygons_in
-from race_server.scenario.lot.ways import cut_off
+from race_server.scenario.lot.ways import Ways, cut_off
 from race_server.scenario.places import own_folder
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.lot import Lot
@@ -50,7 +50,7 @@ def test_the_lots_are_shipped() -> None:
 def test_a_free_way_leads_to_every_slot_of_a_shipped_lot(name: str) -> None:
     course = load_lot(name)
     vehicle = vehicle_named(lot_of(course).vehicle)
-    assert cut_off(course, vehicle) == []
+    assert cut_off(Ways(course, vehicle)) == []
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_forty_generated_lots_can_be_parked_in(kind: str) -> None:
     assert len({course.digest for course in courses}) == 40
     for course in courses[:5]:
         vehicle = KART_13 if kind == "yard" else CAR
-        assert cut_off(course, vehicle) == [], course.name
+        assert cut_off(Ways(course, vehicle)) == [], course.name
 
 
 def test_generated_aisles_have_all_angles() -> None:
@@ -184,7 +184,7 @@ def test_a_polygon_in_the_corner_of_the_area_leaves_the_area_as_it_is(tmp_path: 
         tmp_path, f"polygons = [[[0, 0], [0, -9], [-9, 0]], [[0, 0], [4, 0], [0, 4]]]\n{ONE_BAY}"
     )
     assert summary(course)["size_m"] == [40.0, 20.0]
-    assert cut_off(course, CAR) == []
+    assert cut_off(Ways(course, CAR)) == []
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_what_stands_fixed_stays_within_50_m_of_the_area(
 ) -> None:
     # The area is 40 m by 20 m.
     assert len(load(tmp_path, f"{key} = [[{near}]]\n{ONE_BAY}").obstacles) == 1
-    with pytest.raises(LotError, match=rf"{key} = .*: stay within 50 m of the area"):
+    with pytest.raises(LotError, match=rf"{key}\[1\] = .*: stay within 50 m of the area"):
         load(tmp_path, f"{key} = [[{far}]]\n{ONE_BAY}")
 
 
@@ -248,7 +248,7 @@ FAULTS = {
         ONE_BAY.replace("5.2", "4.689"),
     ),
     "zone from right to left": (
-        r"zones\[2\]: x = '\[31.0, 30.0\]': give the smaller one first",
+        r"zones\[2\]: x = \[31.0, 30.0\]: give the smaller one first",
         ONE_BAY + "[[zones]]\nrole = 'goal'\nx = [31, 30]\n",
     ),
     "slot under a wall": (
@@ -276,12 +276,20 @@ FAULTS = {
         ONE_BAY.replace("width = 2.5", "width = 2.5\ncount = 2\npitch = 2.2\ntowards = 90"),
     ),
     "goal zone outside": (
-        r"zones\[2\]: x = '\[30.0, 41.0\]': stay within the area, 0 to 40",
+        r"zones\[2\]: x = \[30.0, 41.0\]: stay within the area, 0 to 40",
         ONE_BAY + "[[zones]]\nrole = 'goal'\nx = [30, 41]\n",
     ),
     "no start": (
         r"no start: give a zone with role = 'start'",
-        ONE_BAY.replace('"start"', '"goal"'),
+        ONE_BAY.replace('"start"', '"people"'),
+    ),
+    "goals beside slots": (
+        r"a zone with role = 'goal' beside \[\[rows\]\]: the slots are the goals",
+        ONE_BAY + "[[zones]]\nrole = 'goal'\nx = [25, 35]\n",
+    ),
+    "a wall of no length": (
+        r"walls\[1\] = \[20.0, 10.0, 20.0, 10.0\]: both ends are one point",
+        f"walls = [[20, 10, 20, 10]]\n{ONE_BAY}",
     ),
     "no slot": (
         r"no slot: give \[\[rows\]\] of slots or a zone with role = 'goal'",
@@ -296,7 +304,7 @@ FAULTS = {
         ONE_BAY + "[people]\ncount = 2\n",
     ),
     "misspelt": (r"colour = 'red': no such key; see lots/README.md", f"colour = 'red'\n{ONE_BAY}"),
-    "no area": (r"area = 'None': give 4 numbers", ONE_BAY.replace("area =", "title = 'x' #")),
+    "no area": (r"area is missing: give x0", ONE_BAY.replace("area =", "title = 'x' #")),
     "large area": (
         r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
         ONE_BAY.replace("40, 0, 20", "400, 0, 2000"),

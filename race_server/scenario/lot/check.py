@@ -1,14 +1,14 @@
 """Check whether a vehicle can park in a car park, and what its rounds are like."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.scenario.lot.drawn import Drawn, draw_rounds
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import load_lot
-from race_server.scenario.lot.ways import cut_off
+from race_server.scenario.lot.ways import Ways, cut_off
 from race_server.scenario.track.check import CourseIssue
 from race_server.scenario.track.course import Course
 
@@ -35,40 +35,52 @@ def check_lot(
     course = load_lot(name)
     assert course.lot is not None
     preset = vehicle_named(vehicle or course.lot.vehicle)
-    errors = list(faults_of(course, preset)) or cut_off(course, preset)
+    ways = Ways(course, preset)
+    errors = list(faults_of(course, preset)) or cut_off(ways)
     found = [CourseIssue("error", what) for what in errors[:MOST_TOLD]]
     if len(errors) > MOST_TOLD:
         found.append(CourseIssue("error", f"and {len(errors) - MOST_TOLD} more of this kind"))
     if errors or not rounds:
         return found
     drawn = list(draw_rounds(name, range(rounds), vehicle, vehicles))
-    return [*found, *_lost(course, drawn)]
+    return [*found, *_lost(course, drawn), *_parted(ways, drawn)]
+
+
+def hopeless(
+    name: str, seeds: Sequence[int], vehicle: str = "", vehicles: int = 1
+) -> dict[int, str]:
+    """Return why no vehicle can park in some rounds, by their seeds.
+
+    Arguments and errors are those of `check_lot`.
+    """
+    course = load_lot(name)
+    assert course.lot is not None
+    ways = Ways(course, vehicle_named(vehicle or course.lot.vehicle))
+    faults = {}
+    for seed, drawn in zip(seeds, draw_rounds(name, seeds, vehicle, vehicles), strict=True):
+        if start := _standing_fault(course, drawn):
+            faults[seed] = f"a vehicle has no free place to start: {start}"
+        elif way := _way_fault(ways, drawn):
+            faults[seed] = way
+    return faults
 
 
 def _lost(course: Course, drawn: Sequence[Drawn]) -> Iterator[CourseIssue]:
     """Yield what found no free place in the rounds that were drawn."""
     lot = course.lot
     assert lot is not None
-    goals_are_drawn = not len(lot.slots)
-    faults = {
-        "start": [fault for one in drawn if (fault := _start_fault(course, one))],
-        "slot": [fault for one in drawn if goals_are_drawn and (fault := _slot_fault(course, one))],
-    }
-    for what, found in faults.items():
-        if found:
-            share = len(found) / len(drawn)
-            yield CourseIssue(
-                "error" if share > FEW else "warning",
-                f"in {len(found)} of {len(drawn)} rounds ({share:.1%}) no free place was found for "
-                f"the {what}: first {found[0]}; make its zone larger",
-            )
-    crowded = [fault for one in drawn if (fault := _person_fault(course, one))]
-    if crowded:
-        yield CourseIssue(
-            "warning",
-            f"in {len(crowded)} of {len(drawn)} rounds ({len(crowded) / len(drawn):.1%}) no free "
-            f"place was found for a person: first {crowded[0]}; make their zone larger",
+    finds: dict[str, Callable[[Course, Drawn], str]] = {"start": _start_fault}
+    if not len(lot.slots):
+        finds["slot"] = _slot_fault
+    for what, fault_in in finds.items():
+        found = [fault_in(course, one) for one in drawn]
+        yield from _told(
+            found, f"no free place was found for the {what}", "make its zone larger", is_fatal=True
         )
+    found = [_person_fault(course, one) for one in drawn]
+    yield from _told(
+        found, "no free place was found for a person", "make their zone larger", is_fatal=False
+    )
     scarce = sum(len(one.blocks) < lot.blocks.count[0] for one in drawn)
     if scarce:
         yield CourseIssue(
@@ -78,15 +90,57 @@ def _lost(course: Course, drawn: Sequence[Drawn]) -> Iterator[CourseIssue]:
         )
 
 
+def _parted(ways: Ways, drawn: Sequence[Drawn]) -> Iterator[CourseIssue]:
+    """Yield in which of the rounds that were drawn a wall parts a vehicle from its slot."""
+    found = [_way_fault(ways, one) for one in drawn]
+    way_out = "leave a gate, or keep zones and slots on one side of a wall"
+    yield from _told(found, "a vehicle cannot get to its slot", way_out, is_fatal=True)
+
+
+def _told(
+    faults: Sequence[str], what: str, way_out: str, *, is_fatal: bool
+) -> Iterator[CourseIssue]:
+    """Yield how many rounds have a fault. faults: of each round, empty for none."""
+    count = sum(map(bool, faults))
+    if count:
+        share, first = count / len(faults), next(n for n, fault in enumerate(faults) if fault)
+        yield CourseIssue(
+            "error" if is_fatal and share > FEW else "warning",
+            f"in {count} of {len(faults)} rounds ({share:.1%}) {what}, first under the seed "
+            f"{first}: {faults[first]}; {way_out}",
+        )
+
+
+def _way_fault(ways: Ways, drawn: Drawn) -> str:
+    """Return which vehicle no free way leads to its slot in a round; empty for none."""
+    for boxes, slot in zip(drawn.boxes, drawn.slots, strict=True):
+        x, y = boxes[0].x, boxes[0].y
+        goal = ways.regions((slot.x, slot.x), (slot.y, slot.y))
+        if ways.regions((x, x), (y, y)).isdisjoint(goal):
+            return (
+                f"no free way leads from ({x:.2f}, {y:.2f}) m to the slot at ({slot.x:.2f}, "
+                f"{slot.y:.2f}) m"
+            )
+    return ""
+
+
+def _standing_fault(course: Course, drawn: Drawn) -> str:
+    """Return what a vehicle touches where it starts in a round; empty for nothing."""
+    for k, boxes in enumerate(drawn.boxes):
+        others = [box for before in drawn.boxes[:k] for box in before]
+        for box in boxes:
+            if fault := _touched(course, box, (*drawn.blocks, *drawn.parked), others):
+                return fault
+    return ""
+
+
 def _start_fault(course: Course, drawn: Drawn) -> str:
     """Return what is wrong with the starts of a round; empty for nothing."""
     assert course.lot is not None
+    if fault := _standing_fault(course, drawn):
+        return fault
     nearest, farthest = course.lot.distance
-    for k, (start, slot) in enumerate(zip(drawn.starts, drawn.slots, strict=True)):
-        others = [box for boxes in drawn.boxes[:k] for box in boxes]
-        for box in drawn.boxes[k]:
-            if fault := _touched(course, box, (*drawn.blocks, *drawn.parked), others):
-                return fault
+    for start, slot in zip(drawn.starts, drawn.slots, strict=True):
         away = math.hypot(start.x - slot.x, start.y - slot.y)
         if away < nearest - TOUCH or 0.0 < farthest < away - TOUCH:
             return f"it is {away:.2f} m from its slot"

@@ -39,8 +39,11 @@ def _missing(course: Course) -> Iterator[str]:
     roles = {zone.role for zone in lot.zones}
     if not len(lot.slots) and "goal" not in roles:
         yield "no slot: give [[rows]] of slots or a zone with role = 'goal'"
+    if len(lot.slots) and "goal" in roles:
+        yield "a zone with role = 'goal' beside [[rows]]: the slots are the goals; leave one out"
     if lot.from_slots and len(lot.slots) < 2:
-        yield f"from_slots with {len(lot.slots)} slots: give two, one to start in and one to go to"
+        count = len(lot.slots)
+        yield f"from_slots with {count} slots: give two, one to start in and one to go to"
     if not lot.from_slots and "start" not in roles:
         yield "no start: give a zone with role = 'start', or from_slots = true"
     for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):

@@ -89,6 +89,11 @@ def _firsts(loops: list[Floats]) -> list[list[float]]:
     return [loop[0, :2].tolist() for loop in loops]
 
 
+def solids_in(course: Course) -> list[Floats]:
+    """Return the sides (N, 4) [m] of each thing that stands fixed in a car park."""
+    return _solids_in(course).loops
+
+
 def wall_under(course: Course, place: Footprint) -> str:
     """Return the name of what a rectangle in a car park touches or lies in; empty for nothing."""
     area, middle, corners = area_in(course), np.array([[place.x, place.y]]), place.corners

@@ -116,6 +116,9 @@ def lot_of(name: str, file: str, text: str) -> Course:
 
 
 def _area(reader: TomlReader) -> Area:
+    if "area" not in reader.words:
+        place = ": this is the file of a track" if "form" in reader.words else ""
+        raise LotError(f"{reader.file}: area is missing{place}: give x0, x1, y0, y1 [m]")
     x0, x1, y0, y1 = reader.row("area", reader.take("area", None), 4)
     for low, high in ((x0, x1), (y0, y1)):
         if not 1.0 <= high - low <= LARGEST:
@@ -141,10 +144,12 @@ def _check_near(reader: TomlReader, key: str, value: object, corners: Floats, ar
 
 def _walls(reader: TomlReader, area: Area) -> list[Obstacle]:
     walls = []
-    for row in reader.rows("walls", 4, np.zeros((0, 4))):
+    for number, row in enumerate(reader.rows("walls", 4, np.zeros((0, 4))), start=1):
         x0, y0, x1, y1 = row.tolist()
-        _check_near(reader, "walls", [x0, y0, x1, y1], row.reshape(2, 2), area)
+        _check_near(reader, f"walls[{number}]", [x0, y0, x1, y1], row.reshape(2, 2), area)
         length = math.hypot(x1 - x0, y1 - y0)
+        if not length:
+            raise reader.wrong(f"walls[{number}]", row.tolist(), "both ends are one point")
         heading = math.atan2(y1 - y0, x1 - x0)
         walls.append(Obstacle(0.5 * (x0 + x1), 0.5 * (y0 + y1), heading, length + WALL, WALL))
     return walls
@@ -152,11 +157,13 @@ def _walls(reader: TomlReader, area: Area) -> list[Obstacle]:
 
 def _obstacles(reader: TomlReader, area: Area) -> list[Obstacle]:
     obstacles = []
-    for x, y, turn, *size in reader.rows("obstacles", 5, np.zeros((0, 5))).tolist():
+    rows = reader.rows("obstacles", 5, np.zeros((0, 5))).tolist()
+    for number, (x, y, turn, *size) in enumerate(rows, start=1):
+        key = f"obstacles[{number}]"
         if min(size) <= 0.0:
-            raise reader.wrong("obstacles", size, "length and width are positive")
+            raise reader.wrong(key, size, "length and width are positive")
         box = x, y, math.radians(turn), *size
-        _check_near(reader, "obstacles", [x, y, turn, *size], corners_of_box(*box), area)
+        _check_near(reader, key, [x, y, turn, *size], corners_of_box(*box), area)
         obstacles.append(Obstacle(*box))
     return obstacles
 

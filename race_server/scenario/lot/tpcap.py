@@ -5,6 +5,7 @@ numbers: start x, y, heading; goal x, y, heading; the number of obstacles n; n n
 then x, y of all corners. Poses are those of the rear axle, in metres and radians.
 """
 
+import json
 import math
 import re
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from race_server.kept_file import write_together
 from race_server.scenario.lot.faults import PLAY
 from race_server.scenario.lot.footprint import Footprint, wall_under
 from race_server.scenario.lot.load import BEYOND, LEAST_SQUARE, MOST_CORNERS, MOST_ROWS, lot_of
+from race_server.scenario.lot.load import LARGEST as LARGEST_AREA
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.text_files import read_text
 from race_server.scenario.track.course import Course, Floats
@@ -130,12 +132,23 @@ def _case_of(path: Path, numbers: list[float]) -> Case:
             f"{path}: {len(points)} numbers for {sum(corners)} corners; give x and y of each, and "
             "nothing behind them"
         )
+    for name, heading in (("start", numbers[2]), ("goal", numbers[5])):
+        if abs(heading) > 2.0 * math.pi:
+            raise LotError(
+                f"{path}: heading of the {name} = {heading:g}: give radians, up to 2 pi = 6.28"
+            )
     start, goal = np.array(numbers[:2]), np.array(numbers[3:5])
     origin = TILE * np.round(start / TILE)
     places = points.reshape(-1, 2) - origin
     farthest = float(np.abs([*places, goal - origin]).max())
     if farthest > FARTHEST:
         raise LotError(f"{path}: {farthest:.3g} m from the start: give up to {FARTHEST:g} m")
+    apart = float(np.abs(goal - start).max())
+    if apart + 2.0 * MARGIN + 1.0 > LARGEST_AREA:
+        raise LotError(
+            f"{path}: start and goal lie {apart:.0f} m apart: an area has sides of up to "
+            f"{LARGEST_AREA:g} m, with {MARGIN:g} m around both"
+        )
     loops = np.split(places, np.cumsum(corners)[:-1]) if count else []
     return Case(
         _middle_of(start - origin, numbers[2]),
@@ -152,7 +165,9 @@ def _numbers_in(path: Path, text: str) -> list[float]:
                 number = float(word)
             except ValueError as error:
                 raise LotError(f"{path}, line {line}: {word[:40]!r} is no number") from error
-            if not abs(number) <= LARGEST:
+            if math.isnan(number):
+                raise LotError(f"{path}, line {line}: {word[:40]!r} is no number")
+            if abs(number) > LARGEST:
                 raise LotError(f"{path}, line {line}: {word[:40]}: give up to {LARGEST:g}")
             numbers.append(number)
         if len(numbers) > MOST_NUMBERS:
@@ -258,11 +273,12 @@ _NO_LOT = Lot(np.zeros((0, 5)))
 
 
 def _file_of(case: Case, slot: tuple[float, float], source: str, title: str) -> str:
-    clean = "".join(letter for letter in title if letter.isprintable() and letter not in '"\\')
+    clean = "".join(letter for letter in " ".join(title.split()) if letter.isprintable())
     name = "".join(letter for letter in source if letter.isprintable())
     words = [
         f"# Imported from {name}, a case of the benchmark TPCAP (tpcap.github.io).",
-        f'title = "{clean[:64] or "Imported"}"',
+        # A string of JSON is one of TOML.
+        f"title = {json.dumps(clean[:64] or 'Imported', ensure_ascii=False)}",
         f"area = [{', '.join(f'{side:g}' for side in case.area)}]",
         f"slot = [{slot[0]:.3f}, {slot[1]:.3f}]",
         f'vehicle = "{CAR.name}"',

@@ -1,101 +1,115 @@
-"""Where a vehicle can get to in a car park: cells of a grid, flooded from the start zones."""
+"""Where a vehicle can get to in a car park: cells of a grid, and the regions they make."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.lot.faults import slots_of
+from race_server.scenario.lot.footprint import solids_in
 from race_server.scenario.lot.site import area_in
-from race_server.scenario.track.course import Course
+from race_server.scenario.track.course import Course, Floats
+from race_server.scenario.track.polyline import is_inside
 from race_server.scenario.track.walls import clearances_of, fence_of
+
+Bools = NDArray[np.bool_]
 
 # Cells across a vehicle: what is narrower than it by two of them is found.
 ACROSS = 16
 MOST_CELLS = 2_000_000
 
 
-@dataclass(frozen=True, eq=False)
 class Ways:
-    """The cells of a lot that the middle of a vehicle can be in, and those that it can get to.
+    """Where the middle of a vehicle can be in a lot, as cells, and which of them free ways join.
 
     A vehicle is taken for a disc as wide as it: what it cannot pass so, it cannot pass at all.
     """
 
-    x0: float  # [m] of the first cell's corner
-    y0: float  # [m]
-    cell: float  # [m]
-    free: NDArray[np.bool_]  # (rows, columns)
-    reached: NDArray[np.bool_]  # (rows, columns)
+    def __init__(self, course: Course, vehicle: Vehicle) -> None:
+        """Find the free cells of a car park, walls and obstacles of its file regarded."""
+        self.course, self.vehicle = course, vehicle
+        area = area_in(course)[:, :2]
+        (self._x0, self._y0), (width, height) = area.min(axis=0), np.ptp(area, axis=0)
+        wide = vehicle.overall_width
+        self._cell = cell = max(wide / ACROSS, math.sqrt(width * height / MOST_CELLS))
+        columns, rows = math.ceil(width / cell), math.ceil(height / cell)
+        # Painted around each wall, as far as half a vehicle and a bit.
+        fence, corner = fence_of(course).segments, (float(self._x0), float(self._y0))
+        clear = clearances_of(fence, corner, cell, columns, rows, ACROSS).reshape(rows, columns)
+        # From the nearest corner of a cell to its middle; half a cell more, which may lie beside.
+        is_free = clear + (math.sqrt(0.5) + 0.5) * cell >= 0.5 * wide
+        for loop in solids_in(course):
+            self._fill(is_free, loop)
+        # With one more cell on each side. Which region a free cell belongs to is found when asked.
+        self._free = np.pad(is_free, 1)
+        self._region = np.zeros(self._free.shape, np.int32)
+        self._regions = 0
 
-    def near(self, x: tuple[float, float], y: tuple[float, float]) -> tuple[slice, slice]:
-        """Return the cells of a rectangle, and one more on each side."""
-        rows, columns = self.free.shape
+    def _fill(self, is_free: Bools, loop: Floats) -> None:
+        """Take what lies inside a loop of sides out of the free cells."""
+        corner, count = np.array([self._x0, self._y0]), is_free.shape[::-1]
+        low, high = ((part(loop[:, :2], axis=0) - corner) / self._cell for part in (np.min, np.max))
+        first = np.clip(np.floor(low).astype(int), 0, count)
+        last = np.clip(np.ceil(high).astype(int), 0, count)
+        x, y = (corner[n] + (np.arange(first[n], last[n]) + 0.5) * self._cell for n in (0, 1))
+        places = np.stack(np.meshgrid(x, y), axis=-1)
+        inside = is_inside(places.reshape(-1, 2), loop).reshape(places.shape[:2])
+        is_free[first[1] : last[1], first[0] : last[0]] &= ~inside
+
+    def regions(self, x: tuple[float, float], y: tuple[float, float]) -> set[int]:
+        """Return the numbers of all regions with free cells in a rectangle, or next to it.
+
+        x, y: its sides [m]. Ways join two places if they have a region in common.
+        """
+        rows, columns = self._free.shape
         spans = []
-        for (low, high), first, count in ((y, self.y0, rows), (x, self.x0, columns)):
-            a, b = (math.floor((place - first) / self.cell) for place in (low, high))
-            spans.append(slice(max(a - 1, 0), min(b + 2, count)))
-        return spans[0], spans[1]
+        for (low, high), first, count in ((y, self._y0, rows), (x, self._x0, columns)):
+            a, b = (math.floor((place - first) / self._cell) + 1 for place in (low, high))
+            spans.append(slice(min(max(a - 1, 0), count), max(b + 2, 0)))
+        part = spans[0], spans[1]
+        free, region = self._free[part], self._region[part]
+        while len(cells := np.argwhere(free & (region == 0))):
+            row, column = cells[0].tolist()
+            self._flood((spans[0].start + row) * columns + spans[1].start + column)
+        return set(np.unique(region[free]).tolist())
+
+    def _flood(self, first: int) -> None:
+        """Give a number to all free cells that a way leads to from one of them."""
+        self._regions += 1
+        free, region = self._free.ravel(), self._region.ravel()
+        front = np.array([first])
+        region[front] = self._regions
+        columns = self._free.shape[1]
+        steps = np.array([1, -1, columns, -columns])
+        while len(front):
+            beside = (front[:, None] + steps).ravel()
+            front = np.unique(beside[free[beside] & (region[beside] == 0)])
+            region[front] = self._regions
 
 
-def ways_in(course: Course, vehicle: Vehicle) -> Ways:
-    """Return where a vehicle can get to from the start zones of a car park."""
-    assert course.lot is not None
-    area = area_in(course)[:, :2]
-    (x0, y0), (width, height) = area.min(axis=0), np.ptp(area, axis=0)
-    wide = vehicle.overall_width
-    cell = max(wide / ACROSS, math.sqrt(width * height / MOST_CELLS))
-    columns, rows = math.ceil(width / cell), math.ceil(height / cell)
-    # Painted around each wall, as far as half a vehicle and a bit.
-    clear = clearances_of(fence_of(course).segments, (x0, y0), cell, columns, rows, ACROSS)
-    # From the nearest corner of a cell to its middle; half a cell more, which may lie beside it.
-    free = clear.reshape(rows, columns) + (math.sqrt(0.5) + 0.5) * cell >= 0.5 * wide
-    ways = Ways(float(x0), float(y0), cell, free, np.zeros_like(free))
-    for zone in course.lot.zones:
-        if zone.role == "start":
-            _flood(ways, zone.x, zone.y)
-    if course.lot.from_slots:
-        for slot in slots_of(course):
-            _flood(ways, (slot.x, slot.x), (slot.y, slot.y))
-    return ways
-
-
-def _flood(ways: Ways, x: tuple[float, float], y: tuple[float, float]) -> None:
-    """Mark all free cells that a way leads to from a rectangle. x, y: its sides [m]."""
-    rows, columns = ways.free.shape
-    padded = np.zeros((rows + 2, columns + 2), np.bool_)
-    padded[1:-1, 1:-1] = ways.free
-    begin = np.zeros_like(padded)
-    part = ways.near(x, y)
-    # What leads from cells that are marked is marked, too.
-    begin[1:-1, 1:-1][part] = ways.free[part] & ~ways.reached[part]
-    open_, reached = padded.ravel(), begin.ravel()
-    front = np.flatnonzero(reached)
-    steps = np.array([1, -1, columns + 2, -columns - 2])
-    while len(front):
-        beside = (front[:, None] + steps).ravel()
-        front = np.unique(beside[open_[beside] & ~reached[beside]])
-        reached[front] = True
-    ways.reached[:] |= reached.reshape(padded.shape)[1:-1, 1:-1]
-
-
-def cut_off(course: Course, vehicle: Vehicle) -> list[str]:
+def cut_off(ways: Ways) -> list[str]:
     """Return a sentence for each zone and slot that no free way joins."""
+    course, vehicle = ways.course, ways.vehicle
     assert course.lot is not None
-    ways = ways_in(course, vehicle)
+    zones, slots = course.lot.zones, slots_of(course)
     found = []
     wide = f"{vehicle.name}, {vehicle.overall_width:.2f} m wide"
-    for zone in course.lot.zones:
+    begins = set[int]()
+    if course.lot.from_slots:
+        begins.update(*(ways.regions((slot.x, slot.x), (slot.y, slot.y)) for slot in slots))
+    for zone in zones:
         where = f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
-        part = ways.near(zone.x, zone.y)
-        if zone.role == "start" and not ways.free[part].any():
-            found.append(f"start {where} lies in a wall: it has no place for {wide}; move it")
-        if zone.role == "goal" and not ways.reached[part].any():
+        if zone.role == "start":
+            begins |= (there := ways.regions(zone.x, zone.y))
+            if not there:
+                found.append(f"start {where} lies in a wall: it has no place for {wide}; move it")
+    for zone in zones:
+        where = f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
+        if zone.role == "goal" and begins.isdisjoint(ways.regions(zone.x, zone.y)):
             found.append(f"no free way leads from a start to the goal {where} for {wide}")
-    for number, slot in enumerate(slots_of(course)):
-        if not ways.reached[ways.near((slot.x, slot.x), (slot.y, slot.y))].any():
+    for number, slot in enumerate(slots):
+        if begins.isdisjoint(ways.regions((slot.x, slot.x), (slot.y, slot.y))):
             found.append(
                 f"no free way leads from a start to slot {number} at ({slot.x:.2f}, {slot.y:.2f}) "
                 f"m for {wide}"

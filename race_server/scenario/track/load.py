@@ -129,6 +129,8 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     except ValueError as error:
         raise TrackError(f"{file}: no TOML: {error}") from error
     reader = _TrackReader(file, words, TrackError, "tracks/README.md", MOST_ROWS)
+    if "area" in words and "form" not in words:
+        raise TrackError(f"{file}: form is missing: this is the file of a car park, see race lot")
     form = reader.choice("form", FORMS, "")
     plan = TrackSpec(
         name=name,
