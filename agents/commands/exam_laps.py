@@ -118,7 +118,7 @@ def laps(options: LapOptions) -> None:
         warm_up=options.warm_up,
     )
     console, begun = Console(stderr=True), time.monotonic()
-    tries, stopped = _examine(spec, drivers, console, quiet=options.as_json)
+    tries, stopped = _examine(spec, drivers, console)
     rows = rows_of(tries)
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
@@ -136,14 +136,14 @@ def laps(options: LapOptions) -> None:
 
 
 def _examine(
-    spec: "LapExamSpec", drivers: Sequence[str], console: Console, *, quiet: bool
+    spec: "LapExamSpec", drivers: Sequence[str], console: Console
 ) -> "tuple[list[CourseTry], bool]":
     """Return how each driver did on each course, in that order, and whether it was stopped."""
     from race_server.competition.lap_exam import examine
 
     runs, editions = spec.runs_of(drivers), editions_of(drivers)
     tries, stopped = counted(
-        len(runs), lambda watch: examine(spec, drivers, editions, watch), console, quiet=quiet
+        len(runs), lambda watch: examine(spec, drivers, editions, watch), console
     )
     order = {(run.driver, run.gap.name, run.track): number for number, run in enumerate(runs)}
     return sorted(tries, key=lambda one: order[one.driver, one.gap, one.course]), stopped

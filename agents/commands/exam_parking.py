@@ -176,7 +176,7 @@ def _examine_and_tell(options: ParkingOptions) -> None:
     ]
     console = Console(stderr=True)
     begun = time.monotonic()
-    results = list(_examine(specs, drivers, console, quiet=options.as_json))
+    results = list(_examine(specs, drivers, console))
     recorded: list[dict[str, Any]] = []
     if not options.as_json:
         show_parking(results)
@@ -223,7 +223,7 @@ def _record(
 
 
 def _examine(
-    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
+    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console
 ) -> Iterator[Result]:
     """Yield the result of each driver in each scenario.
 
@@ -236,7 +236,7 @@ def _examine(
     from race_server.competition.parking_tally import ParkingTally
     from race_server.core.messages import PlannedWay
 
-    with _progress(specs, drivers, console, quiet=quiet) as advance:
+    with _progress(specs, drivers, console) as advance:
         # The first one says at once what is wrong with it.
         for spec, driver in list(product(specs, drivers))[1:]:
             check_exam(spec, driver)
@@ -269,13 +269,13 @@ def _hopeless(spec: "ExamSpec", tries: "Sequence[Try]") -> dict[int, str]:
 
 @contextmanager
 def _progress(
-    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console, *, quiet: bool
+    specs: "Sequence[ExamSpec]", drivers: Sequence[str], console: Console
 ) -> Iterator[Any]:
     """Show a progress bar of tasks."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
+    hidden = not console.is_terminal
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:

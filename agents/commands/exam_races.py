@@ -95,7 +95,7 @@ def races(options: RaceOptions) -> None:
     )
     tasks = tasks_of(drivers, courses, options.races, options.first_seed, like)
     console, begun = Console(stderr=True), time.monotonic()
-    outcomes, stopped = _hold(tasks, drivers, options.jobs, console, quiet=options.as_json)
+    outcomes, stopped = _hold(tasks, drivers, options.jobs, console)
     rows = race_rows(outcomes)
     if options.as_json:
         seconds = round(time.monotonic() - begun, 1)
@@ -118,15 +118,13 @@ def _hold(
     drivers: Sequence[str],
     jobs: int,
     console: Console,
-    *,
-    quiet: bool,
 ) -> "tuple[list[RaceOutcome], bool]":
     """Return the races in their order, and whether they were stopped."""
     from race_server.competition.race_exam import hold_races
 
     editions = editions_of(drivers)
     outcomes, stopped = counted(
-        len(tasks), lambda watch: hold_races(tasks, jobs, editions, watch), console, quiet=quiet
+        len(tasks), lambda watch: hold_races(tasks, jobs, editions, watch), console
     )
     return sorted(outcomes, key=lambda outcome: outcome.task.seed), stopped
 

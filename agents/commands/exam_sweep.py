@@ -60,7 +60,7 @@ def sweep(options: SweepOptions) -> None:
         check_picture(options.plot)
     spec = LapExamSpec(tracks, options.vehicle, options.laps, options.jobs)
     console = Console(stderr=True)
-    rows, stopped = _sweep(spec, drivers, console, quiet=options.as_json)
+    rows, stopped = _sweep(spec, drivers, console)
     if options.as_json:
         print_document({"rows": [asdict(row) for row in rows], "stopped": stopped})
     else:
@@ -75,7 +75,7 @@ def sweep(options: SweepOptions) -> None:
 
 
 def _sweep(
-    spec: "LapExamSpec", drivers: Sequence[str], console: Console, *, quiet: bool
+    spec: "LapExamSpec", drivers: Sequence[str], console: Console
 ) -> "tuple[list[SweepRow], bool]":
     """Return the rows, and whether it was stopped."""
     from race_server.competition.lap_sweep import SWEEPS, sweep_all
@@ -85,7 +85,6 @@ def _sweep(
         len(SWEEPS) * len(drivers),
         lambda watch: sweep_all(spec, drivers, editions, watch),
         console,
-        quiet=quiet,
     )
 
 

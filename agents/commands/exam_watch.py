@@ -19,8 +19,6 @@ def counted(
     total: int,
     examine: Callable[[Callable[[str], None]], Iterable[Outcome]],
     console: Console,
-    *,
-    quiet: bool,
 ) -> tuple[list[Outcome], bool]:
     """Return what an exam finished, and whether Ctrl-C stopped it, with a bar that counts.
 
@@ -29,7 +27,7 @@ def counted(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
+    hidden = not console.is_terminal
     outcomes: list[Outcome] = []
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
@@ -41,7 +39,7 @@ def counted(
         def watch(words: str) -> None:
             nonlocal told
             bar.update(task, description=words)
-            if hidden and not quiet and time.monotonic() - told > TOLD_S:
+            if hidden and time.monotonic() - told > TOLD_S:
                 told = time.monotonic()
                 console.print(f"{len(outcomes)} of {total}: {words}", soft_wrap=True)
 

@@ -61,7 +61,7 @@ def reproduce(
     place = out or RESULTS / (f"{name}-quick" if quick else name)
     console = Console(stderr=True)
     try:
-        with _bar(console, quiet=as_json) as tell, without_warnings():
+        with _bar(console) as tell, without_warnings():
             outcome = reproduce_it(
                 name, plan, place, quick=quick, jobs=jobs, rows=rows, seeds=seeds, tell=tell
             )
@@ -90,7 +90,7 @@ def _list(titles: dict[str, str], *, as_json: bool) -> None:
 
 
 @contextmanager
-def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionProgress"], None]]:
+def _bar(console: Console) -> Iterator[Callable[["ReproductionProgress"], None]]:
     """Show how many runs are finished; without a terminal, print each as it begins and ends."""
     from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
@@ -100,13 +100,13 @@ def _bar(console: Console, *, quiet: bool) -> Iterator[Callable[["ReproductionPr
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bar:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("reproduction", total=1.0)
         begun: set[str] = set()
 
         def tell(news: "ReproductionProgress") -> None:
             bar.update(task, completed=news.done, total=news.trainings, description=news.name)
-            if quiet or console.is_terminal:
+            if console.is_terminal:
                 return
             if isinstance(news.done, int):
                 console.print(f"{news.done} of {news.trainings}: {news.name}", highlight=False)

@@ -127,7 +127,7 @@ def train(options: TrainOptions) -> None:
         _disk_named(place),
         folder.occupied(place),
         nullcontext() if options.resume else _left_clean(place),
-        _bar(settings, console, quiet=options.as_json) as tell,
+        _bar(settings, console) as tell,
         without_warnings(),
     ):
         options_of_run: dict[str, Any] = {
@@ -255,9 +255,7 @@ def _disk_named(place: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _bar(
-    settings: "Settings", console: Console, *, quiet: bool
-) -> Iterator[Callable[["TrainingProgress"], None]]:
+def _bar(settings: "Settings", console: Console) -> Iterator[Callable[["TrainingProgress"], None]]:
     """Show the progress and the latest figures of a training."""
     from rich.progress import BarColumn, Progress, TimeRemainingColumn
     from rich.table import Column
@@ -271,20 +269,20 @@ def _bar(
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
-    hidden = quiet or not console.is_terminal
+    hidden = not console.is_terminal
     with Progress(*columns, console=console, disable=hidden) as bar:
         task = bar.add_task(settings.title or "training", total=1.0)
 
         def tell(news: "TrainingProgress") -> None:
             bar.update(task, completed=news.share, description=_words_of(news))
-            if news.marks is not None and not quiet:
+            if news.marks is not None:
                 console.print(
                     f"{100.0 * news.share:3.0f} %, {news.steps} decisions; {_words_of(news)}; "
                     f"validation: {news.marks}",
                     soft_wrap=True,
                 )
 
-            if news.ratings and not quiet:
+            if news.ratings:
                 console.print(f"ratings: {_ratings_in_words(news)}", soft_wrap=True)
 
         yield tell

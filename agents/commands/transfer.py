@@ -90,7 +90,7 @@ def transfer(options: TransferOptions) -> None:
             raise ScenarioError(f"--plot {options.plot}: only the ladder is drawn; leave it out")
         _drive_in_traffic(spec, drivers, options, console)
         return
-    found, stopped = _drive(spec, drivers, console, quiet=options.as_json)
+    found, stopped = _drive(spec, drivers, console)
     rows = sorted(rows_of(found), key=lambda row: tracks.index(row.track))
     rows.sort(key=lambda row: drivers.index(row.driver))
     if options.as_json:
@@ -158,7 +158,7 @@ def _traffic_cells(one: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _drive(
-    spec: "LapExamSpec", drivers: tuple[str, ...], console: Console, *, quiet: bool
+    spec: "LapExamSpec", drivers: tuple[str, ...], console: Console
 ) -> "tuple[list[tuple[str, CourseTry]], bool]":
     """Return what was driven, and whether it was stopped."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
@@ -166,7 +166,7 @@ def _drive(
     from race_server.competition.transfer import RUNGS, drive_ladder
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
+    hidden = not console.is_terminal
     found: list[tuple[str, CourseTry]] = []
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden

@@ -148,7 +148,7 @@ def trial(options: TrialOptions) -> None:
     console = Console(stderr=True)
     with RunLog(path_of(options.results)) as log:
         plan = TrialPlan(tuple(specs), tuple(gaps), options.jobs, options.ghost, log.path)
-        done = _drive(plan, log, console, quiet=options.as_json)
+        done = _drive(plan, log, console)
         _show(done, names if options.beside else (), as_json=options.as_json)
         try:
             _finish(log, console)
@@ -233,7 +233,7 @@ def _check_files(plot: Path | None, *tables: Path | None) -> None:
         raise ScenarioError(f"{twice[0]}: two options write this file; name another for one")
 
 
-def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -> "Trial":
+def _drive(plan: "TrialPlan", log: "RunLog", console: Console) -> "Trial":
     """Drive all runs of a trial and keep them in the log."""
     from race_server.competition.pool import is_ready
     from race_server.competition.time_trial.plan import compile_once, prepare
@@ -243,20 +243,18 @@ def _drive(plan: "TrialPlan", log: "RunLog", console: Console, *, quiet: bool) -
         if not is_ready():
             status.update("compiling the simulation for this machine, once: about a minute")
             compile_once(plan.specs[0])
-    with _progress(plan, console, quiet=quiet) as report:
+    with _progress(plan, console) as report:
         trial.drive(log, report)
     return trial
 
 
 @contextmanager
-def _progress(
-    plan: "TrialPlan", console: Console, *, quiet: bool
-) -> Iterator[Callable[[int, int], None]]:
+def _progress(plan: "TrialPlan", console: Console) -> Iterator[Callable[[int, int], None]]:
     """Show a progress bar of laps."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not console.is_terminal
+    hidden = not console.is_terminal
     with Progress(
         *columns, TimeRemainingColumn(), console=console, transient=True, disable=hidden
     ) as bar:
