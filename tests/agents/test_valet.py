@@ -282,6 +282,12 @@ def test_valets_drive_among_those_that_learn() -> None:
     assert batch.world.parking.parkers[0, 0].way < 0.1
 
 
+def test_a_driver_that_takes_no_order_does_not_drive_in_a_car_park() -> None:
+    task = parking_task("gate", vehicles=2, learners=1, opponents=("follow_gap",))
+    with pytest.raises(DriverError, match="'follow_gap' cannot park: it takes no order"):
+        Batch(task)
+
+
 def test_without_an_order_it_stands() -> None:
     batch = Batch(parking_task("face-to-face", observation="lot_lidar"), after=STAY)
     driver = driver_named("valet")

@@ -16,6 +16,7 @@ from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError, LotError, ScenarioError
+from support.lots import ONE_BAY
 
 
 class Ahead:
@@ -190,6 +191,17 @@ def test_a_person_reads_a_table_and_the_seeds_of_failures() -> None:
     assert done.exit_code == 0, done.output
     assert "valet" in done.output
     assert "late 1, seeds 1" in done.output
+
+
+def test_of_the_failures_it_is_told_which_no_driver_could_have_parked(tmp_path: Path) -> None:
+    lot = tmp_path / "parted.toml"
+    # Starts on both sides of a wall without a gate.
+    text = ONE_BAY.replace("[5, 10]", "[4, 20]").replace("[5, 15]", "[9, 11]")
+    lot.write_text(f"walls = [[12, 0, 12, 20]]{text}")
+    words = ["parking", "--lot", str(lot), "--seeds", "6", "--first-seed", "1", "--limit-s", "40"]
+    (row,) = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)["rows"]
+    assert 0 < len(row["hopeless_seeds"]) < 6
+    assert row["failed_seeds"] == {"late": row["hopeless_seeds"]}
 
 
 def test_the_exam_of_trailers_counts_jack_knives_and_tells_of_long_decisions() -> None:
