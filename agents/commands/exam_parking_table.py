@@ -46,8 +46,8 @@ def show_parking(results: Sequence[Result]) -> None:
         if result.hopeless:
             seed, fault = min(result.hopeless.items())
             console.print(
-                f"{result.driver}, {result.spec.lot}: {len(result.hopeless)} of these tasks cannot "
-                f"be done by any driver, see race lot check; seed {seed}: {fault}",
+                f"{result.driver}, {result.spec.lot}: in {len(result.hopeless)} of these rounds a "
+                f"vehicle could never park, see race lot check; seed {seed}: {fault}",
                 style="yellow",
                 highlight=False,
             )

@@ -22,7 +22,7 @@ class Result:
     plans: "dict[tuple[int, int], PlannedWay]"  # by seed and vehicle
     tally: "ParkingTally"
     rounds: "RoundTally | None"  # of several vehicles
-    hopeless: dict[int, str]  # failed tasks that no vehicle could do, by seed, and why
+    hopeless: dict[int, str]  # rounds in which a vehicle could never park, by seed, and why
 
     def parked_beside_plan(self) -> "list[tuple[Try, PlannedWay]]":
         """Return the tries that were parked, each with its plan."""

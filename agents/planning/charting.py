@@ -152,7 +152,8 @@ class Charting:
     def _await_chart(self, tick: int) -> None:
         """Take up the chart once it is due; give its solver as much time as the world has.
 
-        A world that waits has all the time; another one as much as it is ahead of the clock.
+        A world that waits has as much as it may take for each decision until then; another one as
+        much as it is ahead of the clock.
         """
         assert self._asked is not None
         passed = (tick - self._asked_tick) * TICK_S

@@ -144,7 +144,7 @@ def _plan_towed(
 
 
 def _asked_by(level: Level) -> InLine:
-    """Return how a way of a vehicle with a trailer has to end, for it to be parked."""
+    """Return how straight a way of a vehicle with a trailer has to end, for it to be parked."""
     if level.last or not level.turn:
         return DOCKED
     across = level.across or level.within or math.inf
@@ -203,7 +203,7 @@ def _towed_planner(vehicle: Vehicle, margin: float) -> TowedPlanner:
 def driving_time(track: Floats, vehicle: Vehicle) -> float:
     """Return how long [s] a vehicle takes along a track, from straight wheels on.
 
-    track: (S, 8), see `path_follower`. Before each leg the wheels turn.
+    track: (S, COLUMNS), see `path_follower`. Before each leg the wheels turn.
     """
     ways, speeds = -np.diff(track[:, LEFT]), track[1:, SPEED] + track[:-1, SPEED]
     inside = ways > 0.0

@@ -47,5 +47,5 @@ def angle_towards(rig: Rig, offset: float, turn: float, planned: float, way: flo
     error = turn - slant if way < 0.0 else -turn - slant
     tangent = math.tan(planned) + rig.bar * TURN_GAIN / scale * error
     # A way may lead through a sharper angle than the controller itself asks for.
-    most = max(rig.sharpest, abs(planned))
-    return clip(math.atan(tangent), -most, most)
+    low, high = min(-rig.sharpest, planned), max(rig.sharpest, planned)
+    return clip(math.atan(tangent), low, high)

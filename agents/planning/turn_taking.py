@@ -9,11 +9,9 @@ from race_agents.planning.towed_follower import rear_axles
 from race_server.core.box_rows import boxes_of
 from race_server.core.free_space.footprint import Point, convert
 from race_server.core.state import BODY, Floats
-from race_server.core.traffic import Traffic
+from race_server.core.traffic import APART, Traffic
 from race_server.core.vehicles import GRAVITY, Vehicle, vehicle_record
 
-# Every n-th point of a track is a place of the way that is announced: they are 0.1 m apart.
-EVERY = 2
 # Time until brakes act [s], and how far before the end of a clearance [m] a vehicle stops.
 REACTION_S, SHORT = 0.25, 0.1
 # Slower than this [m/s] it is not worth to drive on.
@@ -24,16 +22,22 @@ class Passage:
     """The way of one vehicle, from its announcement on."""
 
     def __init__(self, traffic: Traffic, number: int, track: Floats, vehicle: Vehicle) -> None:
-        """Prepare a way. number: of the vehicle; track: (S, 8), see `path_follower`."""
+        """Prepare a way. number: of the vehicle; track: (S, COLUMNS), see `path_follower`."""
         self._traffic, self._number = traffic, number
-        axles = rear_axles(track, vehicle)
+        axles, points = rear_axles(track, vehicle), np.arange(len(track))
         steps = np.hypot(*np.diff(axles[:, :2], axis=0).T)
         self._driven = np.concatenate([[0.0], np.cumsum(steps)])  # (S,) [m] from the start
-        is_place = np.arange(len(track)) % EVERY == 0
-        is_place[-1] = True
-        is_place |= track[:, LEFT] <= 0.0
-        self._places = np.flatnonzero(is_place)  # (P,) points of the track
-        self._boxes = _boxes_on(axles[self._places], track[self._places, ANGLE], vehicle)
+        # How far corners have moved, in sum, at each point of the track: places are as far apart.
+        corners = _corners_of(_boxes_on(axles, track[:, ANGLE], vehicle))
+        moves = np.hypot(*np.moveaxis(np.diff(corners, axis=0), -1, 0)).max(axis=(1, 2))
+        moved = np.concatenate([[0.0], np.cumsum(moves)])
+        evenly = np.interp(np.arange(0.0, moved[-1], APART), moved, points)
+        # (P,) places as numbers of points, those in between as fractions.
+        self._places = np.union1d(evenly, points[(track[:, LEFT] <= 0.0) | (points == points[-1])])
+        placed = [np.interp(self._places, points, row) for row in (*axles.T[:2], track[:, ANGLE])]
+        heading = np.interp(self._places, points, np.unwrap(axles[:, 2]))
+        axles = np.column_stack([*placed[:2], heading])
+        self._boxes = _boxes_on(axles, placed[2], vehicle)
 
     def open(self) -> bool:
         """Announce the way; False where it would block others."""
@@ -52,7 +56,8 @@ class Passage:
         cleared = self._traffic.clear(self._number, passed)
         if cleared == len(self._places) - 1:
             return math.inf
-        left = float(self._driven[self._places[cleared]] - self._driven[point]) - SHORT
+        end = np.interp(self._places[cleared], np.arange(len(self._driven)), self._driven)
+        left = float(end - self._driven[point]) - SHORT
         brakes = BRAKE_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
         lag = brakes * REACTION_S
         speed = math.sqrt(lag * lag + 2.0 * brakes * max(left, 0.0)) - lag
@@ -74,3 +79,10 @@ def _boxes_on(axles: Floats, angles: Floats, vehicle: Vehicle) -> Floats:
     if vehicle.trailers:
         bodies["trailers"]["heading"][:, 0] = heading - angles
     return boxes_of(bodies, np.repeat(vehicle_record(vehicle), len(axles)))
+
+
+def _corners_of(boxes: Floats) -> Floats:
+    """Return the corners of boxes, (P, U, 6), as (P, U, 4, 2) [m]."""
+    x, y, cos, sin, half_length, half_width = np.moveaxis(boxes, -1, 0)[..., None]
+    along, across = half_length * (1.0, 1.0, -1.0, -1.0), half_width * (1.0, -1.0, -1.0, 1.0)
+    return np.stack([x + along * cos - across * sin, y + along * sin + across * cos], axis=-1)

@@ -8,7 +8,7 @@ import typer
 
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers
+from race_server.cli.options import known_drivers, once
 from race_server.cli.serve_event import event_of
 from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
 from race_server.errors import KeysError, ScenarioError
@@ -72,6 +72,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         RaceError: an option is wrong, or does not fit another one.
     """
     from race_server.cli.service import Service
+    from race_server.core.driver import check_parks
     from race_server.core.kernels.jit import is_compiled
     from race_server.live.driver_processes import is_trusted
     from race_server.live.server.warm_up import warm_up
@@ -89,6 +90,8 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
     )
     check_pace(options.pace)
     fillers = known_drivers(options.fill)
+    for name in once(fillers) if options.lot else ():
+        check_parks(name)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     event = None
     if options.format:
@@ -231,8 +234,8 @@ def _check_round(options: ServeOptions) -> None:
     seeds = [options.seed]
     for fault in hopeless(options.lot, seeds, options.vehicle, options.karts).values():
         raise ScenarioError(
-            f"lot {options.lot!r}, --seed {options.seed}: {fault}; choose another seed, and see "
-            "race lot check"
+            f"lot {options.lot!r}, --seed {options.seed}: {fault}; choose another seed, or, "
+            "where race lot check finds the same in others, mend the lot"
         )
 
 

@@ -120,12 +120,12 @@ class Traffic:
         return is_first
 
     def aim(self, number: int, goal: Floats) -> None:
-        """Let others know where a vehicle will stand: (6,), see `boxes`."""
+        """Let others know where a vehicle will stand: one box, (6,), see `boxes_of`."""
         self._goals[number] = goal
         self.withdraw(number)
 
     def expected(self, number: int) -> Floats:
-        """Return where other vehicles are that stand or keep to their ways: (B, 6), see `boxes`.
+        """Return where other vehicles are that stand or keep to their ways: (B, 6), see `boxes_of`.
 
         They are larger than they are by what they move while a sensor scans. What drives without a
         way may do anything.
@@ -165,8 +165,8 @@ class Traffic:
     def announce(self, number: int, boxes: Floats) -> bool:
         """Take the way of a vehicle, (P, U, 6) places of its boxes; False where it blocks others.
 
-        The vehicle is at the first place. Places are so near to each other that the vehicle moves
-        by no more than APART from one to the next.
+        The vehicle is at the first place. Places are so near to each other that no corner
+        moves by more than APART from one to the next.
         """
         self.withdraw(number)
         self._ways[number] = _Way(boxes)

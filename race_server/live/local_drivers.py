@@ -4,7 +4,7 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named, tell_to_park
+from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.items import items
@@ -53,7 +53,7 @@ class LocalDrivers:
         self, session: Session, suspects: Suspects | None = None, *, waits: bool = False
     ) -> None:
         """Begin with none. suspects: is told which driver is asked; waits: see `Briefing`."""
-        self._session, self._suspects, self._waits = session, suspects or Suspects(), waits
+        self._session, self._suspects, self.waits = session, suspects or Suspects(), waits
         self._locals: dict[int, _LocalDriver] = {}
         # What those drivers inside that park share of their ways.
         self.traffic = Traffic(session.world.bodies.shape[1])
@@ -80,8 +80,8 @@ class LocalDrivers:
     def _get_ready(self, name: str, driver: Driver, taken: Seat) -> None:
         self._locals[taken.number] = _LocalDriver(driver)
         try:
-            driver.reset(briefing_for(self._session, taken, waits=self._waits))
-            if parks_from_start(self._session.world) and isinstance(driver, ParkingDriver):
+            driver.reset(briefing_for(self._session, taken, waits=self.waits))
+            if parks_from_start(self._session.world):
                 tell_to_park(driver, name, order_for(self._session, taken.number), self.traffic)
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error

@@ -63,10 +63,13 @@ def test_a_way_through_a_sharper_angle_than_a_controller_asks_for_is_kept_to(sha
     rig = loose_rig(CAR_TRAILER.name)
     assert rig.sharpest < abs(sharp) < rig.limit
     assert angle_towards(rig, 0.0, 0.0, sharp, -1.0) == pytest.approx(sharp)
-    # Off the way by a metre it is asked for an angle back, and for none beyond that of the way.
-    asked = [angle_towards(rig, offset, 0.0, sharp, -1.0) for offset in (1.0, -1.0)]
-    assert max(map(abs, asked)) == pytest.approx(abs(sharp))
-    assert min(map(abs, asked)) < abs(sharp)
+    # Far off the way it asks for no more than that, and to the other side for its own sharpest.
+    asked = [
+        angle_towards(rig, offset, turn, sharp, -1.0) for offset in (9, -9) for turn in (3, -3)
+    ]
+    side = math.copysign(1.0, sharp)
+    assert max(side * angle for angle in asked) == pytest.approx(abs(sharp))
+    assert min(side * angle for angle in asked) == pytest.approx(-rig.sharpest)
 
 
 @given(st.sampled_from(NAMES), st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.booleans())

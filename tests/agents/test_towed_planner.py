@@ -3,7 +3,7 @@
 import math
 from concurrent.futures import Future
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from race_agents.planning.plan_bench import bench_plan
 from race_agents.planning.towed_follower import make_towed_track
 from race_agents.planning.towed_path import TowedPath, before, behind
 from race_agents.planning.towed_planner import TowedPlanner
+from race_agents.planning.turn_taking import Passage
 from race_agents.planning.way import Way
 from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.core.free_space.ground import NO_BOXES, Ground
@@ -28,6 +29,7 @@ from race_server.core.kernels.boxes import Hull, box_of
 from race_server.core.kernels.contacts import box_on_box, box_on_segment
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import Floats
+from race_server.core.traffic import APART, Traffic
 from race_server.core.vehicle_presets import CAR, CAR_TRAILER, LORRY
 from race_server.core.vehicles import Vehicle
 from race_server.errors import PlanError, ScenarioError
@@ -235,6 +237,24 @@ def test_a_lorry_docks_by_noisy_places_of_a_tenth_of_a_second_ago() -> None:
     assert done.ending == "docked"
     assert math.hypot(done.along, done.across) < 0.15
     assert abs(done.turn) < 0.1
+
+
+def test_the_places_of_a_way_are_so_near_that_no_corner_moves_by_more_than_10_cm() -> None:
+    announced: list[Floats] = []
+
+    class Heard(Traffic):
+        def announce(self, number: int, boxes: Floats) -> bool:
+            announced.append(boxes)
+            return True
+
+    Passage(Heard(1), 0, track(), LORRY).open()
+    x, y, cos, sin, length, width = np.moveaxis(announced[0], -1, 0)
+    moved = [
+        np.hypot(np.diff(x + a * cos - b * sin, axis=0), np.diff(y + a * sin + b * cos, axis=0))
+        for a, b in product((length, -length), (width, -width))
+    ]
+    assert np.max(moved) <= 1.01 * APART  # in between poses are interpolated
+    assert np.max(moved) > 0.9 * APART
 
 
 def test_two_lorries_dock_and_neither_touches_the_other() -> None:

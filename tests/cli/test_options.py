@@ -12,7 +12,8 @@ from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import seeds_from
 from race_server.cli.serve_options import RaceOptions, ServeOptions
 from race_server.core.seeds import MOST_SEED
-from race_server.errors import ScenarioError
+from race_server.errors import RaceError, ScenarioError
+from support.lots import ONE_BAY
 
 
 @dataclass(frozen=True)
@@ -265,3 +266,25 @@ def test_races_of_one_driver_have_no_ratings_and_it_is_said(
         "race 1 of 2, seed 1: won by idm",
         "race 2 of 2, seed 2: won by idm",
     ]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("", "no free way leads from"),
+        ("--fill follow_gap", "'follow_gap' cannot park: it takes no order"),
+    ],
+)
+def test_what_cannot_be_parked_is_refused_before_anyone_waits(
+    words: str, said: str, tmp_path: Path
+) -> None:
+    from race_server.cli.main import app
+
+    lot = tmp_path / "parted.toml"
+    # Starts on both sides of a wall without a gate; that of the seed 1 is on the far one.
+    text = ONE_BAY.replace("[5, 10]", "[4, 20]").replace("[5, 15]", "[9, 11]")
+    lot.write_text(f"walls = [[17, 0, 17, 20]]{text}")
+    given = ["serve", "--lot", str(lot), "--karts", "1", "--seed", "1", "--record", "none"]
+    told = CliRunner().invoke(app, [*given, *words.split()])
+    assert isinstance(told.exception, RaceError)
+    assert said in str(told.exception)

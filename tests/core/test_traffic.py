@@ -1,6 +1,7 @@
 """Right of way between vehicles that announce their ways."""
 
 import math
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -230,6 +231,19 @@ def test_the_boxes_of_a_lorry_and_of_a_car_beside_it_are_theirs() -> None:
         assert boxes[0, number].tolist() == pytest.approx(wanted)
     assert np.isnan(boxes[1, 1]).all()
     assert len(listed(boxes)) == 3
+
+
+def test_the_boxes_of_two_trailers_follow_one_another() -> None:
+    (trailer,) = LORRY.trailers
+    second = replace(trailer, hitch=1.5, bar=5.0)
+    train = replace(LORRY, trailers=(trailer, second))
+    bodies = np.zeros(1, BODY)
+    bodies["trailers"]["heading"][0, :2] = 0.3, -0.4
+    found = boxes_of(bodies, vehicle_record(train))[0]
+    for own, box_at in zip(found, train.boxes_at(0.0, 0.0, 0.0, [0.3, -0.4]), strict=True):
+        x, y, heading, length, width = box_at
+        wanted = [x, y, math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width]
+        assert own.tolist() == pytest.approx(wanted)
 
 
 def with_trailer(way: Floats) -> Floats:

@@ -336,3 +336,25 @@ def test_a_round_whose_start_and_slot_lie_on_two_sides_of_a_wall_is_counted(tmp_
 def test_the_inside_of_an_obstacle_is_no_place_to_start(tmp_path: Path) -> None:
     name = write(tmp_path, f"obstacles = [[7, 10, 0, 14, 16]]{ONE_BAY}")
     assert "lies in a wall: it has no place" in check_lot(name, rounds=10)[0].what
+
+
+def test_outside_of_the_area_and_at_its_border_there_is_no_region(tmp_path: Path) -> None:
+    ways = Ways(load_lot(gate(tmp_path, 3.0)), CAR)
+    for x, y in ((-500.0, 10.0), (500.0, 10.0), (20.0, 1e4), (0.0, 0.0), (40.0, 20.0)):
+        assert ways.regions((x, x), (y, y)) == set()
+
+
+def test_coarse_cells_close_no_gap_that_a_small_car_passes(tmp_path: Path) -> None:
+    """Of a yard of 500 m cells are 0.35 m, and a TT-02 is 0.19 m wide."""
+    for gap in np.arange(0.3, 0.6, 0.1).tolist():
+        walls = f"obstacles = [[250, 100, 0, 2, 200], [250, {350 + gap}, 0, 2, 300]]"
+        text = f"area = [0, 500, 0, 500]\nvehicle = 'tt02'\n{walls}\n"
+        text += "[[rows]]\nat = [400, 250]\nlength = 2\nwidth = 1\n"
+        text += "[[zones]]\nrole = 'start'\nx = [100, 100]\ny = [250, 250]\n"
+        assert parted_in(write(tmp_path, text), vehicle_named("tt02")) == []
+
+
+def test_a_goal_that_touches_a_wall_in_each_round_is_hopeless(tmp_path: Path) -> None:
+    text = GATE.format(low=4, high=16) + "[[zones]]\nrole = 'goal'\nx = [39, 39]\ny = [10, 10]\n"
+    text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
+    assert list(hopeless(write(tmp_path, text), range(4))) == [0, 1, 2, 3]

@@ -185,7 +185,7 @@ class RequestHandler:
 
     def _welcome(self, seat: Seat, secret: int) -> Welcome:
         session = self._session
-        briefing = briefing_for(session, seat)
+        briefing = briefing_for(session, seat, waits=not self._link.is_real_time)
         order = order_frame_of(session, seat) if parks_from_start(session.world) else None
         rays, stays = session.scenario.lidar.rays, session.is_event
         return Welcome(briefing, secret, session.epoch, rays, order, stays)

@@ -146,7 +146,8 @@ class Wheels:
         """
         session = self._session
         with self._suspects.asking(number):
-            driver.reset(briefing_for(session, session.seats[number]))
+            waits = self._local_drivers.waits
+            driver.reset(briefing_for(session, session.seats[number], waits=waits))
             order, traffic = order_for(session, number), self._local_drivers.traffic
             tell_to_park(driver, self._valet, order, traffic)
         self._valets[number] = driver

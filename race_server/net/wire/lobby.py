@@ -213,6 +213,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
     if order:
         BriefingTable.AddOrder(builder, order)
     BriefingTable.AddStays(builder, welcome.stays)
+    BriefingTable.AddWaits(builder, briefing.waits)
     for name, offset in texts.items():
         getattr(BriefingTable, f"Add{name}")(builder, offset)
     builder.Finish(BriefingTable.End(builder), BRIEFING_ID)
@@ -247,6 +248,7 @@ def decode_welcome(data: bytes) -> Welcome:
             items=items,
             lidar_field=root.LidarField(),
             lidar_reach=root.LidarReach(),
+            waits=bool(root.Waits()),
         )
         order = read_order(asked) if (asked := table.table(13)) else None
         seat = root.Secret(), root.Epoch(), root.LidarRays()

@@ -49,9 +49,9 @@ def check_lot(
 def hopeless(
     name: str, seeds: Sequence[int], vehicle: str = "", vehicles: int = 1
 ) -> dict[int, str]:
-    """Return why no vehicle can park in some rounds, by their seeds.
+    """Return why a vehicle can never park in some rounds, by the seeds of those.
 
-    Arguments and errors are those of `check_lot`.
+    seeds: of the rounds; other arguments and errors are those of `check_lot`.
     """
     course = load_lot(name)
     assert course.lot is not None
@@ -60,6 +60,8 @@ def hopeless(
     for seed, drawn in zip(seeds, draw_rounds(name, seeds, vehicle, vehicles), strict=True):
         if start := _standing_fault(course, drawn):
             faults[seed] = f"a vehicle has no free place to start: {start}"
+        elif not len(course.lot.slots) and (slot := _slot_fault(course, drawn)):
+            faults[seed] = f"a slot has no free place: {slot}"
         elif way := _way_fault(ways, drawn):
             faults[seed] = way
     return faults

@@ -38,16 +38,21 @@ class Ways:
         fence, corner = fence_of(course).segments, (float(self._x0), float(self._y0))
         clear = clearances_of(fence, corner, cell, columns, rows, ACROSS).reshape(rows, columns)
         # From the nearest corner of a cell to its middle; half a cell more, which may lie beside.
-        is_free = clear + (math.sqrt(0.5) + 0.5) * cell >= 0.5 * wide
+        clear += (math.sqrt(0.5) + 0.5) * cell
+        is_free = clear >= 0.5 * wide
+        is_deep = clear > 2.0 * (math.sqrt(0.5) + 0.5) * cell
         for loop in solids_in(course):
-            self._fill(is_free, loop)
+            self._fill(is_free, is_deep, loop)
+        # The last cells may reach out of the area.
+        is_free[math.floor(height / cell + 0.5) :] = False
+        is_free[:, math.floor(width / cell + 0.5) :] = False
         # With one more cell on each side. Which region a free cell belongs to is found when asked.
         self._free = np.pad(is_free, 1)
         self._region = np.zeros(self._free.shape, np.int32)
         self._regions = 0
 
-    def _fill(self, is_free: Bools, loop: Floats) -> None:
-        """Take what lies inside a loop of sides out of the free cells."""
+    def _fill(self, is_free: Bools, is_deep: Bools, loop: Floats) -> None:
+        """Take what lies deep inside a loop of sides out of the free cells."""
         corner, count = np.array([self._x0, self._y0]), is_free.shape[::-1]
         low, high = ((part(loop[:, :2], axis=0) - corner) / self._cell for part in (np.min, np.max))
         first = np.clip(np.floor(low).astype(int), 0, count)
@@ -55,7 +60,8 @@ class Ways:
         x, y = (corner[n] + (np.arange(first[n], last[n]) + 0.5) * self._cell for n in (0, 1))
         places = np.stack(np.meshgrid(x, y), axis=-1)
         inside = is_inside(places.reshape(-1, 2), loop).reshape(places.shape[:2])
-        is_free[first[1] : last[1], first[0] : last[0]] &= ~inside
+        part = slice(first[1], last[1]), slice(first[0], last[0])
+        is_free[part] &= ~(inside & is_deep[part])
 
     def regions(self, x: tuple[float, float], y: tuple[float, float]) -> set[int]:
         """Return the numbers of all regions with free cells in a rectangle, or next to it.
@@ -98,16 +104,21 @@ def cut_off(ways: Ways) -> list[str]:
     begins = set[int]()
     if course.lot.from_slots:
         begins.update(*(ways.regions((slot.x, slot.x), (slot.y, slot.y)) for slot in slots))
+    where = {
+        zone: f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
+        for zone in zones
+    }
     for zone in zones:
-        where = f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
         if zone.role == "start":
             begins |= (there := ways.regions(zone.x, zone.y))
             if not there:
-                found.append(f"start {where} lies in a wall: it has no place for {wide}; move it")
-    for zone in zones:
-        where = f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
-        if zone.role == "goal" and begins.isdisjoint(ways.regions(zone.x, zone.y)):
-            found.append(f"no free way leads from a start to the goal {where} for {wide}")
+                place = f"start {where[zone]} lies in a wall: it has no place for {wide}"
+                found.append(f"{place}; move it")
+    found += [
+        f"no free way leads from a start to the goal {where[zone]} for {wide}"
+        for zone in zones
+        if zone.role == "goal" and begins.isdisjoint(ways.regions(zone.x, zone.y))
+    ]
     for number, slot in enumerate(slots):
         if begins.isdisjoint(ways.regions((slot.x, slot.x), (slot.y, slot.y))):
             found.append(

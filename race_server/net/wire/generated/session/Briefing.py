@@ -179,8 +179,15 @@ class Briefing(object):
             return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
         return False
 
+    # Briefing
+    def Waits(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(34))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def BriefingStart(builder):
-    builder.StartObject(15)
+    builder.StartObject(16)
 
 def Start(builder):
     BriefingStart(builder)
@@ -292,6 +299,12 @@ def BriefingAddStays(builder, stays):
 
 def AddStays(builder, stays):
     BriefingAddStays(builder, stays)
+
+def BriefingAddWaits(builder, waits):
+    builder.PrependBoolSlot(15, waits, 0)
+
+def AddWaits(builder, waits):
+    BriefingAddWaits(builder, waits)
 
 def BriefingEnd(builder):
     return builder.EndObject()

@@ -128,8 +128,13 @@ stays():boolean {
   return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
 }
 
+waits():boolean {
+  const offset = this.bb!.__offset(this.bb_pos, 34);
+  return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
+}
+
 static startBriefing(builder:flatbuffers.Builder) {
-  builder.startObject(15);
+  builder.startObject(16);
 }
 
 static addSeat(builder:flatbuffers.Builder, seat:number) {
@@ -231,6 +236,10 @@ static addOrder(builder:flatbuffers.Builder, orderOffset:flatbuffers.Offset) {
 
 static addStays(builder:flatbuffers.Builder, stays:boolean) {
   builder.addFieldInt8(14, +stays, +false);
+}
+
+static addWaits(builder:flatbuffers.Builder, waits:boolean) {
+  builder.addFieldInt8(15, +waits, +false);
 }
 
 static endBriefing(builder:flatbuffers.Builder):flatbuffers.Offset {
