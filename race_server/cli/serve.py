@@ -72,7 +72,6 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         RaceError: an option is wrong, or does not fit another one.
     """
     from race_server.cli.service import Service
-    from race_server.core.driver import check_parks
     from race_server.core.kernels.jit import is_compiled
     from race_server.live.driver_processes import is_trusted
     from race_server.live.server.warm_up import warm_up
@@ -89,9 +88,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         )
     )
     check_pace(options.pace)
-    fillers = known_drivers(options.fill)
-    for name in once(fillers) if options.lot else ():
-        check_parks(name)
+    fillers = _fillers(options)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     event = None
     if options.format:
@@ -221,6 +218,21 @@ def _needs_line(fillers: tuple[str, ...], inside: tuple[str, ...]) -> bool:
         for name in dict.fromkeys(fillers)
     ]
     return any(wants_line(preset) for preset in presets)
+
+
+def _fillers(options: ServeOptions) -> tuple[str, ...]:
+    """Return the drivers that fill seats.
+
+    Raises:
+        ScenarioError: one is unknown.
+        DriverError: one does not park, in a car park.
+    """
+    from race_server.core.driver import check_parks
+
+    fillers = known_drivers(options.fill)
+    for name in once(fillers) if options.lot else ():
+        check_parks(name)
+    return fillers
 
 
 def _check_round(options: ServeOptions) -> None:
