@@ -1,6 +1,7 @@
 """`race`: the command line. An error is one line on stderr and exit code 2."""
 
 import errno
+import os
 import shutil
 import sys
 import traceback
@@ -144,10 +145,19 @@ def main() -> None:
     except Exception as error:
         if refusal := _refusal(error):
             say(f"error: {refusal}", error=True)
+            _drop_output()
             sys.exit(2)
         # A fault of ours; what it tells may quote text from outside.
         say(traceback.format_exc(), error=True)
         sys.exit(1)
+
+
+def _drop_output() -> None:
+    """Drop what stdout cannot take: the interpreter would try once more as it ends, and fail."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _warn(
