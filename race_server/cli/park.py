@@ -7,7 +7,7 @@ import typer
 
 from race_server.cli.document import AsJson
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import Results
+from race_server.cli.options import Results, known_drivers, once
 from race_server.cli.serve_options import VALET
 from race_server.cli.start import StartOptions, start_session
 from race_server.core.bounds import MOST_ROUND_S
@@ -69,8 +69,12 @@ class ParkOptions:
 @expand_options
 def park(options: ParkOptions) -> None:
     """Let vehicles park: a server, one process for each driver, and a live table."""
+    from race_server.core.driver import check_parks
+
     if not options.driver.strip():
         raise ScenarioError(f"--driver names none; choose one that parks, such as {VALET}")
+    for name in once(known_drivers(options.driver)):
+        check_parks(name)
     start_session(
         StartOptions(
             lot=options.lot,

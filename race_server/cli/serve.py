@@ -8,7 +8,7 @@ import typer
 
 from race_server.cli.access import SESSION
 from race_server.cli.option_fields import expand_options
-from race_server.cli.options import known_drivers, once
+from race_server.cli.options import known_drivers
 from race_server.cli.serve_event import event_of
 from race_server.cli.serve_options import OPEN_ADDRESS, VALET, ServeOptions, check_pace
 from race_server.errors import KeysError, ScenarioError
@@ -88,7 +88,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         )
     )
     check_pace(options.pace)
-    fillers = _fillers(options)
+    fillers = known_drivers(options.fill)
     inside = tuple(name for name in fillers if options.one_process or is_trusted(name))
     event = None
     if options.format:
@@ -218,21 +218,6 @@ def _needs_line(fillers: tuple[str, ...], inside: tuple[str, ...]) -> bool:
         for name in dict.fromkeys(fillers)
     ]
     return any(wants_line(preset) for preset in presets)
-
-
-def _fillers(options: ServeOptions) -> tuple[str, ...]:
-    """Return the drivers that fill seats.
-
-    Raises:
-        ScenarioError: one is unknown.
-        DriverError: one does not park, in a car park.
-    """
-    from race_server.core.driver import check_parks
-
-    fillers = known_drivers(options.fill)
-    for name in once(fillers) if options.lot else ():
-        check_parks(name)
-    return fillers
 
 
 def _check_round(options: ServeOptions) -> None:

@@ -9,7 +9,7 @@ import typer
 from race_server.cli.document import AsJson, print_document
 from race_server.cli.event import newest_event, show_event
 from race_server.cli.option_fields import argv_of, expand_options
-from race_server.cli.options import Unfit, drivers_for, known_drivers, once, seeds_from
+from race_server.cli.options import Unfit, drivers_for, known_drivers, seeds_from
 from race_server.cli.outcome import show_result
 from race_server.cli.serve_options import VALET, RaceOptions, ServeOptions, check_pace
 from race_server.core.bounds import MOST_S
@@ -117,12 +117,10 @@ def _drivers(options: StartOptions) -> tuple[str, ...]:
         ScenarioError: there are none, one is unknown, or there are more real karts than seats.
         DriverError: one is not made for the vehicle.
     """
-    from race_server.core.driver import check_parks, driver_names
+    from race_server.core.driver import driver_names
 
     if options.lot:
         names = known_drivers(options.drivers or VALET)
-        for name in once(names):
-            check_parks(name)
     else:
         vehicles, courses = (options.car,), (options.track,)
         unfit = options.unfit

@@ -4,7 +4,7 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 from race_server.core.clock import TICKS_PER_SECOND
-from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
+from race_server.core.driver import Briefing, Driver, ParkingDriver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.items import items
@@ -81,7 +81,7 @@ class LocalDrivers:
         self._locals[taken.number] = _LocalDriver(driver)
         try:
             driver.reset(briefing_for(self._session, taken, waits=self.waits))
-            if parks_from_start(self._session.world):
+            if parks_from_start(self._session.world) and isinstance(driver, ParkingDriver):
                 tell_to_park(driver, name, order_for(self._session, taken.number), self.traffic)
         except (Exception, SystemExit) as error:
             raise _failed(name, error) from error

@@ -12,7 +12,7 @@ from race_server.cli.option_fields import argv_of, expand_options
 from race_server.cli.options import seeds_from
 from race_server.cli.serve_options import RaceOptions, ServeOptions
 from race_server.core.seeds import MOST_SEED
-from race_server.errors import RaceError, ScenarioError
+from race_server.errors import DriverError, ScenarioError
 from support.lots import ONE_BAY
 
 
@@ -268,16 +268,7 @@ def test_races_of_one_driver_have_no_ratings_and_it_is_said(
     ]
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("", "no free way leads from"),
-        ("--fill follow_gap", "'follow_gap' cannot park: it takes no order"),
-    ],
-)
-def test_what_cannot_be_parked_is_refused_before_anyone_waits(
-    words: str, said: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_parked_is_refused_before_anyone_waits(tmp_path: Path) -> None:
     from race_server.cli.main import app
 
     lot = tmp_path / "parted.toml"
@@ -285,6 +276,14 @@ def test_what_cannot_be_parked_is_refused_before_anyone_waits(
     text = ONE_BAY.replace("[5, 10]", "[4, 20]").replace("[5, 15]", "[9, 11]")
     lot.write_text(f"walls = [[17, 0, 17, 20]]{text}")
     given = ["serve", "--lot", str(lot), "--karts", "1", "--seed", "1", "--record", "none"]
-    told = CliRunner().invoke(app, [*given, *words.split()])
-    assert isinstance(told.exception, RaceError)
-    assert said in str(told.exception)
+    told = CliRunner().invoke(app, given)
+    assert isinstance(told.exception, ScenarioError)
+    assert "no free way leads from" in str(told.exception)
+
+
+def test_a_driver_that_does_not_park_is_refused_by_the_command_to_park() -> None:
+    from race_server.cli.main import app
+
+    told = CliRunner().invoke(app, ["park", "--driver", "valet,follow_gap"])
+    assert isinstance(told.exception, DriverError)
+    assert "'follow_gap' cannot park: it takes no order" in str(told.exception)
