@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from race_server.competition.parking_exam import ExamSpec, Try
 
 MOST_TASKS = 1_000_000  # of each scenario; more would be weeks of driving
-AT_ONCE = 64  # rounds that failed are drawn again
 
 
 @dataclass(frozen=True)
@@ -264,10 +263,7 @@ def _hopeless(spec: "ExamSpec", tries: "Sequence[Try]") -> dict[int, str]:
     from race_server.scenario.lot.check import hopeless
 
     rounds = {one.round_seed: one.seed for one in tries if not one.figures["is_success"]}
-    found: dict[int, str] = {}
-    left = iter(rounds)
-    while seeds := list(islice(left, AT_ONCE)):
-        found |= hopeless(spec.lot, seeds, spec.vehicle, spec.vehicles)
+    found = hopeless(spec.lot, list(rounds), spec.vehicle, spec.vehicles) if rounds else {}
     return {rounds[seed]: fault for seed, fault in found.items()}
 
 

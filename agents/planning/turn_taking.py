@@ -36,8 +36,8 @@ class Passage:
         self._places = np.union1d(evenly, points[(track[:, LEFT] <= 0.0) | (points == points[-1])])
         placed = [np.interp(self._places, points, row) for row in (*axles.T[:2], track[:, ANGLE])]
         heading = np.interp(self._places, points, np.unwrap(axles[:, 2]))
-        axles = np.column_stack([*placed[:2], heading])
-        self._boxes = _boxes_on(axles, placed[2], vehicle)
+        self._boxes = _boxes_on(np.column_stack([*placed[:2], heading]), placed[2], vehicle)
+        self._reached = np.interp(self._places, points, self._driven)  # (P,) [m] the same
 
     def open(self) -> bool:
         """Announce the way; False where it would block others."""
@@ -56,8 +56,7 @@ class Passage:
         cleared = self._traffic.clear(self._number, passed)
         if cleared == len(self._places) - 1:
             return math.inf
-        end = np.interp(self._places[cleared], np.arange(len(self._driven)), self._driven)
-        left = float(end - self._driven[point]) - SHORT
+        left = float(self._reached[cleared] - self._driven[point]) - SHORT
         brakes = BRAKE_SHARE * (vehicle.brake_force / vehicle.mass + vehicle.rolling * GRAVITY)
         lag = brakes * REACTION_S
         speed = math.sqrt(lag * lag + 2.0 * brakes * max(left, 0.0)) - lag

@@ -103,7 +103,7 @@ def tell_to_park(
     Raises:
         DriverError: it cannot park.
     """
-    driver = _parking(driver, name)
+    driver = as_parking(driver, name)
     if traffic is not None and isinstance(driver, YieldingDriver):
         driver.join(traffic)
     driver.park(order)
@@ -115,10 +115,15 @@ def check_parks(name: str) -> None:
     Raises:
         DriverError: there is none, or it takes none.
     """
-    _parking(driver_named(name), name)
+    as_parking(driver_named(name), name)
 
 
-def _parking(driver: Driver, name: str) -> ParkingDriver:
+def as_parking(driver: Driver, name: str) -> ParkingDriver:
+    """Return a driver of a name as one that takes orders to park.
+
+    Raises:
+        DriverError: it takes none.
+    """
     if isinstance(driver, ParkingDriver):
         return driver
     raise DriverError(

@@ -15,13 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from race_server.core import codes
-from race_server.core.box_rows import boxes_of, listed, meeting, touching
+from race_server.core.box_rows import Bools, boxes_of, listed, meeting, touching
 from race_server.core.state import Floats, Ints, World
-
-Bools = NDArray[np.bool_]
 
 # Two bodies come nearer than this on their ways [m]: they meet. Each is off its way by a few
 # centimetres, and moves on between two places.

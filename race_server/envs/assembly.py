@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from race_server.core.clock import TICK_S
-from race_server.core.driver import check_parks
+from race_server.core.driver import as_parking
 from race_server.core.observation import Layout, layout_of, offsets_of
 from race_server.core.rules.items import items
 from race_server.envs.actions import RESIDUAL, action_kind
 from race_server.envs.buffers import Buffers, Sizes, make_buffers
+from race_server.envs.called_opponent import CalledOpponent
 from race_server.envs.opponents import Opponents, advised, opponents_of, opposition_of
 from race_server.envs.rewards import weights_of
 from race_server.envs.task import Task
@@ -28,11 +29,10 @@ def opponents_for(task: Task, scenario: Scenario) -> list[Opponents]:
     gear = np.array([lidar.field, lidar.reach, task.decision_ticks * TICK_S])
     names = tuple(item.name for item in items())
     drivers = task.opponents or ("",)
-    if scenario.course.lot is not None:
-        for name in dict.fromkeys(drivers):
-            if isinstance(name, str) and name and learners < scenario.karts:
-                check_parks(name)
     found = opponents_of(drivers, learners, scenario.karts, lidar.rays, gear, names)
+    for group in found if scenario.course.lot is not None else ():
+        if not isinstance(group.driver, CalledOpponent):
+            as_parking(group.driver, group.name)
     if action_kind(task.action) == RESIDUAL:
         found += opponents_of((advised(task.base),), 0, learners, lidar.rays, gear, names)
     return found

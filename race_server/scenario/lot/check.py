@@ -14,6 +14,8 @@ from race_server.scenario.track.course import Course
 
 # Of the rounds, a larger share without a free place is an error.
 FEW = 0.05
+# Rounds of which it is asked whether they are hopeless are drawn by this number.
+AT_ONCE = 64
 # Sentences of one kind that are told; the others are counted.
 MOST_TOLD = 5
 # [m] rectangles may overlap by this, and a start be nearer or farther: its place is rounded
@@ -35,8 +37,10 @@ def check_lot(
     course = load_lot(name)
     assert course.lot is not None
     preset = vehicle_named(vehicle or course.lot.vehicle)
-    ways = Ways(course, preset)
-    errors = list(faults_of(course, preset)) or cut_off(ways)
+    errors = list(faults_of(course, preset))
+    if not errors:
+        ways = Ways(course, preset)
+        errors = cut_off(ways)
     found = [CourseIssue("error", what) for what in errors[:MOST_TOLD]]
     if len(errors) > MOST_TOLD:
         found.append(CourseIssue("error", f"and {len(errors) - MOST_TOLD} more of this kind"))
@@ -57,7 +61,9 @@ def hopeless(
     assert course.lot is not None
     ways = Ways(course, vehicle_named(vehicle or course.lot.vehicle))
     faults = {}
-    for seed, drawn in zip(seeds, draw_rounds(name, seeds, vehicle, vehicles), strict=True):
+    parts = [seeds[first : first + AT_ONCE] for first in range(0, len(seeds), AT_ONCE)]
+    rounds = (one for part in parts for one in draw_rounds(name, part, vehicle, vehicles))
+    for seed, drawn in zip(seeds, rounds, strict=True):
         if start := _standing_fault(course, drawn):
             faults[seed] = f"a vehicle has no free place to start: {start}"
         elif not len(course.lot.slots) and (slot := _slot_fault(course, drawn)):
