@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.type_aliases import TrainFrequencyUnit
@@ -161,6 +162,8 @@ def learner_of(
         )
     except (TypeError, ValueError, ArithmeticError, AssertionError) as error:
         raise ScenarioError(f"algorithm.options of {name}: {error}") from error
+    if log is None:
+        learner.set_logger(Logger(None, []))  # by default each learner leaves an empty folder
     _prepare(learner, settings, budget)
     return learner
 

@@ -110,6 +110,18 @@ def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
         assert latest["counters"]["_n_updates"] == rollouts  # of one epoch each
 
 
+def test_a_run_leaves_nothing_among_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary, place = tmp_path / "temporary", tmp_path / "run"
+    temporary.mkdir()
+    place.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    changes = (*QUICK, "steps=400", "evaluation.times=1", "evaluation.seconds=1.0")
+    train(read_settings("time-trial-ppo", changes), place)
+    assert list(temporary.iterdir()) == []
+
+
 def test_minutes_that_are_over_end_a_rollout(tmp_path: Path) -> None:
     changes = (*QUICK, "steps=none", "minutes=1e-9", "evaluation.seconds=1.0")
     done = train(read_settings("time-trial-ppo", changes), tmp_path)
