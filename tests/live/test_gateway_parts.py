@@ -4,11 +4,12 @@ import asyncio
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Self, cast
 
 import numpy as np
 import pytest
@@ -27,11 +28,13 @@ from race_server.live.gateway.frames import (
     notice_frame,
 )
 from race_server.live.gateway.limits import GatewayLimits, GatewayTiming
+from race_server.live.gateway.listener import Listener
 from race_server.live.gateway.live import LiveRace
 from race_server.live.gateway.page import NOT_BUILT, Page
 from race_server.live.gateway.rays import RayCaster
 from race_server.live.server.publisher import snapshot_of
 from race_server.logs import Log
+from race_server.net.transport import ClientLink
 from race_server.net.wire import topics
 from race_server.net.wire.programme import encode_programme
 from race_server.net.wire.sheets import course_sheet
@@ -42,6 +45,47 @@ from race_server.scenario.track.course import Obstacle
 from race_server.session.session import Session
 from support.courses import SMALL_RING
 from support.messages import PROGRAMME, STANDINGS
+from support.servers import wait_until
+
+# What is asked for
+
+
+class EventLink:
+    """A link to a server in the lobby of an event, which tells of it all the time."""
+
+    def __init__(self) -> None:
+        self.asked: list[topics.Topic] = []
+        self._told: dict[topics.Topic, Callable[[bytes], None]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def listen(self, topic: topics.Topic, receive: Callable[[bytes], None]) -> None:
+        self._told[topic] = receive
+
+    def ask(self, topic: topics.Topic) -> bytes:
+        self.asked.append(topic)
+        return b""
+
+    def tell(self) -> None:
+        if topics.PROGRAMME in self._told:
+            self._told[topics.PROGRAMME](b"")
+
+
+def test_the_standings_of_a_lobby_are_asked_for_while_an_event_is_told() -> None:
+    link = EventLink()
+
+    def is_asked_again() -> bool:
+        link.tell()
+        return link.asked.count(topics.TABLE) >= 3
+
+    timing = GatewayTiming(race_silence_s=0.05, link_poll_s=0.02)
+    with Listener(lambda: cast(ClientLink, link), lambda *_: None, timing):
+        wait_until(is_asked_again)
+
 
 # Claim, resume, release
 

@@ -17,6 +17,9 @@ RECEIVED = (
     *(topics.SNAPSHOT, topics.STANDINGS, topics.EVENTS, topics.LINKS, topics.LOT),
     *(topics.ALERTS, topics.TELEMETRIES, topics.PROGRAMME, topics.GHOSTS),
 )
+# What a race sends all the time and a lobby does not: without it the standings are asked for. An
+# answer may be overtaken by newer standings, and in the lobby of an event nothing would mend that.
+SIGNS = (topics.SNAPSHOT, topics.STANDINGS)
 
 # A topic with its message; None with a sentence where the race has gone.
 Receive = Callable[[Topic | None, bytes], None]
@@ -65,7 +68,8 @@ class Listener:
 
     def _receiver_of(self, topic: Topic) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
-            self._received_at = time.monotonic()
+            if topic in SIGNS:
+                self._received_at = time.monotonic()
             self._receive(topic, data)
 
         return receive
