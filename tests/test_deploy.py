@@ -4,19 +4,35 @@ import re
 import shutil
 import subprocess
 import tomllib
+from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[1]
 DEPLOY = ROOT / "deploy"
-PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", re.MULTILINE)
+PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^\s;\\]+)", re.MULTILINE)
 SERVICES = sorted(path.name for path in DEPLOY.glob("*.service"))
 
 
 def pins(path: Path) -> dict[str, str]:
     """Return the versions that a file pins, by normalised name."""
     return {re.sub(r"[-_.]+", "-", name).lower(): v for name, v in PIN.findall(path.read_text())}
+
+
+def test_every_pinned_release_installs_on_the_oldest_python_that_is_promised() -> None:
+    promised = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
+    oldest = f"{promised.removeprefix('>=')}.0"
+    refused = {}
+    for name, version in pins(ROOT / "constraints.txt").items():
+        try:
+            needs = metadata(name)["Requires-Python"] or ""
+        except PackageNotFoundError:  # A package for other systems.
+            continue
+        if oldest not in SpecifierSet(needs):
+            refused[f"{name}=={version}"] = needs
+    assert refused == {}
 
 
 @pytest.mark.parametrize("name", ["requirements.txt", "requirements-build.txt"])
