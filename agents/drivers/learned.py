@@ -41,10 +41,10 @@ from race_server.envs.actions import (
     MEMORY,
     Driven,
     action_kind,
-    advice_of,
     discrete_table,
     read_action,
 )
+from race_server.envs.advice import Adviser
 from race_server.errors import DriverError
 
 # Read besides what the policy sees; every observation of a live race has them.
@@ -168,8 +168,11 @@ class Learned:
         if self._places is None:
             setup = np.array([told.lidar_field, told.lidar_reach, told.decision_s])
             self._places = places_in(observation.layout, nature, setup, self.policy.name)
+            vehicle = vehicle_record(told.vehicle)[0]
+            self._adviser = Adviser(observation.layout, nature.parts, vehicle)
         action = self.policy.decide(observation.values[None, self._places])[0]
-        base.take_advice(observation, advice_of(action, told.vehicle.width).tolist())
+        advice = self._adviser.advice(action, observation.values)
+        base.take_advice(observation, advice.tolist())
         return base.act(observation)
 
     def _prepare(self, layout: Layout) -> None:
@@ -194,11 +197,12 @@ class Learned:
             base: Any = type(self._base)
             uses = item_uses_of(tuple(item.name for item in items()))
             follow = bind(base.decide_all, cockpits._replace(item_uses=uses))
-            width = float(cockpits.vehicles[0, 0].width)
+            adviser = Adviser(layout, self.policy.metadata.parts, cockpits.vehicles[0, 0])
 
             def advise() -> None:
-                actions = self.policy.decide(picked(views[worlds, numbers], places))
-                memory[worlds, numbers, ASIDE : FETCH + 1] = advice_of(actions, width)
+                seen = views[worlds, numbers]
+                actions = self.policy.decide(picked(seen, places))
+                memory[worlds, numbers, ASIDE : FETCH + 1] = adviser.advice(actions, seen)
                 follow()
 
             return advise

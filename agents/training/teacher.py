@@ -30,8 +30,8 @@ from race_server.envs.actions import (
     REVERSE_BELOW,
     WIDTHS,
     action_kind,
-    advice_of,
 )
+from race_server.envs.advice import advice_of
 from race_server.envs.batch import Batch
 from race_server.envs.opponents import Opponents, opponents_of, takes_advice
 from race_server.envs.task import Task

@@ -48,14 +48,6 @@ SPEED_STEP = 0.5
 STEERING_STEP = math.radians(9.0)
 SLOWEST = 0.1
 
-# What a residual action of 1 advises a scripted driver: widths further left, and a share of the
-# speed to add. The driver itself goes aside to pass, and to a box: with four widths a policy
-# touched three times as many walls on covapsy-base as with none at all. Where no bend
-# forbids it a boost carries a kart much further beyond the speeds of the line.
-ASIDE_WIDTHS = 1.0
-FASTER_SHARE = 0.12
-DASH_SHARE = 0.5
-
 # Below this speed [m/s] a kart that brakes goes into reverse.
 REVERSE_BELOW = 0.1
 
@@ -90,16 +82,6 @@ def discrete_table() -> Floats:
         for steering in (-1.0, -0.5, 0.0, 0.5, 1.0)
     ]
     return np.array(rows)
-
-
-def advice_of(actions: Float32s, width: float) -> Floats:
-    """Return what residual actions (..., 6) advise, see ASIDE in `race_server.core.kernel_driver`.
-
-    width: of the vehicle [m]. Of the last three numbers only what is above zero counts.
-    """
-    scales = np.array([ASIDE_WIDTHS * width, FASTER_SHARE, 1.0, DASH_SHARE, 1.0, 1.0])
-    lows = np.array([-1.0, -1.0, -1.0, 0.0, 0.0, 0.0])
-    return np.clip(actions.astype(np.float64), lows, 1.0) * scales
 
 
 class Driven(NamedTuple):

@@ -26,6 +26,7 @@ from race_server.core.observation import layout_of
 from race_server.core.state import Bytes, Float32s, Floats, World, digest, part_of
 from race_server.envs.action_shapes import actions_as, finite
 from race_server.envs.actions import RESIDUAL, action_kind
+from race_server.envs.advice import Adviser
 from race_server.envs.assembly import buffers_for, fitted_with, opponents_for, sensors_of
 from race_server.envs.buffers import (
     REENTER,
@@ -81,7 +82,6 @@ class Batch:
         self.learners = task.count_learners()
         self.terms = tuple(task.discipline.terms)  # their names, in the order of `buffers.terms`
         self.layout = layout_of(task.observation, first.lidar.rays)
-        self._advises = action_kind(task.action) == RESIDUAL
         self._simulator = simulator_named(task.simulator, scenarios) if task.simulator else None
         self.opponents = opponents_for(task, first)
         sensors = sensors_of(task, self.karts, self.opponents)
@@ -94,6 +94,9 @@ class Batch:
             task.discipline.beside(self._templates),
             told_apart_by(task, self.scenarios, self.layout),
         )
+        self._adviser: Adviser | None = None
+        if action_kind(task.action) == RESIDUAL:
+            self._adviser = Adviser(self.layout, self.layout.slices, self.world.vehicles[0, 0])
         self.threads = min(threads, worlds)
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._restarts: list[Callable[[], None]] = []
@@ -253,8 +256,8 @@ class Batch:
             finite(self.buffers.actions)
         else:
             self.buffers.actions[...] = actions_as(actions, self.buffers.actions.shape)
-        if self._advises:
-            advise(self.buffers, float(self.world.vehicles[0, 0].width))
+        if self._adviser is not None:
+            advise(self.buffers, self._adviser)
         if self._pool is None:
             for calls in self._decisions:
                 _call_all(calls)

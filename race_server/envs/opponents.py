@@ -20,7 +20,7 @@ from race_server.core.observation import PARTS, Layout, Observation, layout_of, 
 from race_server.core.parking_order import order_of
 from race_server.core.state import Floats, Ints, World
 from race_server.core.vehicles import vehicle_of
-from race_server.envs.actions import advice_of
+from race_server.envs.advice import Adviser
 from race_server.envs.buffers import Buffers, Opposition
 from race_server.envs.called_opponent import CalledOpponent
 from race_server.errors import ScenarioError
@@ -167,13 +167,11 @@ def advised(name: str) -> str:
     return name
 
 
-def advise(buffers: Buffers, width: float) -> None:
-    """Write residual actions, (W, L, 6), into the memory of the drivers that they advise.
-
-    width: of the vehicle [m].
-    """
+def advise(buffers: Buffers, adviser: Adviser) -> None:
+    """Write residual actions, (W, L, 6), into the memory of the drivers that they advise."""
     learners = buffers.actions.shape[1]
-    buffers.memory[:, :learners, ASIDE : FETCH + 1] = advice_of(buffers.actions, width)
+    advice = adviser.advice(buffers.actions, buffers.observations)
+    buffers.memory[:, :learners, ASIDE : FETCH + 1] = advice
 
 
 def opposition_of(groups: Sequence[Opponents], karts: int) -> Opposition:

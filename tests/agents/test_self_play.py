@@ -21,9 +21,11 @@ from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
 from race_server.competition.time_trial.run import numbers_of
 from race_server.core.driver import driver_named
-from race_server.core.observation import Observation
+from race_server.core.observation import Observation, layout_of
 from race_server.core.rules.items import items
 from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import vehicle_record
+from race_server.envs.advice import Adviser
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import LEARNING_RULES, task_on
@@ -175,6 +177,32 @@ def test_advice_shifts_the_lane_to_its_side() -> None:
         left.step([[[0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
         right.step([[[-0.9, 0.0, 0.0, 0.0, 0.0, 0.0]]])
     assert left.observations[0, 0, 0] > right.observations[0, 0, 0] + 0.1
+
+
+@pytest.mark.parametrize("parts", [("karts_x", "karts_y"), ("karts_along", "karts_across")])
+def test_who_sees_others_leaves_lane_and_speed_to_the_driver_while_none_is_within_4_m(
+    parts: tuple[str, str],
+) -> None:
+    """NEAR_LENGTHS = 10 of a car that is 0.4 m long; three of four karts are not there."""
+    layout = layout_of(parts, 0)
+    vehicle = vehicle_record(replace(TT02, length=0.4))[0]
+    adviser = Adviser(layout, parts, vehicle)
+    actions = np.array([[1.0, 0.5, -1.0, 0.2, 0.8, 1.0]] * 2, np.float32)
+    for away, told in (((2.4, -3.1), True), ((2.4, -3.3), False), ((1e3, 1e3), False)):
+        seen = np.full((2, layout.size), 1e3)
+        for part, place in zip(parts, away, strict=True):
+            seen[:, layout.slices[part].start] = place
+        lane, faster = (TT02.width, 0.06) if told else (0.0, 0.0)
+        wanted = [lane, faster, -1.0, 0.1, 0.8, 1.0]
+        assert adviser.advice(actions, seen) == pytest.approx(np.array([wanted, wanted]))
+
+
+def test_who_sees_no_others_is_always_heard() -> None:
+    layout = layout_of(("line_offset", "karts_x", "karts_y"), 0)
+    adviser = Adviser(layout, ("line_offset",), vehicle_record(TT02)[0])
+    action = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0], np.float32)
+    told = adviser.advice(action, np.full(layout.size, 1e3))
+    assert told[:2] == pytest.approx([TT02.width, 0.06])
 
 
 def test_advice_to_follow_closely_brakes_less_behind_another_kart() -> None:
