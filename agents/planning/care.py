@@ -1,7 +1,7 @@
-"""What a driver on the line remembers of the course: where it came too near to a border.
+"""What a driver on the line remembers of the course: where it came too near to a border, or slid.
 
-No model says all that a kart does at its limit. Where it came that near by itself, it is slower on
-the way there from then on, and slower still where it does so again.
+No model says all that a kart does at its limit. Where it came that near by itself, or its rear axle
+lost its hold, it is slower on the way there from then on, and slower still where it does so again.
 """
 
 import math
@@ -10,7 +10,7 @@ from race_agents.planning.clearance import reach_aside
 from race_agents.planning.tactics import SPEED
 from race_agents.planning.tracking import HEADING
 from race_agents.planning.traffic import LEFT, LIGHTS, OFFSET, RIGHT, STEP, is_alone
-from race_agents.planning.tyre_slip import GRIP_SCALE
+from race_agents.planning.tyre_slip import GRIP_SCALE, rear_slip
 from race_server.core.kernel_driver import KEPT, Cockpit
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.observation import AHEAD, PART_NUMBERS
@@ -22,14 +22,16 @@ LINE_SPEED = PART_NUMBERS["line_speed_ahead"]
 # again with the first. Drivers on the line keep no scan: its place in their memory is free.
 STRETCHES, STRETCH_LENGTHS = 128, 4.0
 LESS = KEPT
-# Whether the kart was too near at the last decision, and the longest progress seen [m].
-WAS_NEAR, LONGEST = KEPT + STRETCHES, KEPT + STRETCHES + 1
+# Whether the kart failed at the last decision, and the longest progress seen [m].
+HAD_FAILED, LONGEST = KEPT + STRETCHES, KEPT + STRETCHES + 1
 
 # Nearer to a border than this [body widths] is too near.
 NEAR = 0.05
-# By which share of its speed a kart is slower from then on, at most; and on which way: that of
-# these seconds before.
-LESS_SPEED, MOST_LESS, BEFORE_S = 0.03, 0.12, 1.2
+# A rear axle that slips more than this [rad] has lost its hold: the body turns round.
+SLID = 0.35
+# By which share of its speed a kart is slower from then on, after a slide, and at most; and on
+# which way: that of these seconds before.
+LESS_SPEED, LESS_AFTER_SLIDE, MOST_LESS, BEFORE_S = 0.03, 0.06, 0.12, 1.2
 # A kart within this many lengths may have pushed it; one that is slower than this [m/s], or whose
 # tyres have less than this share of their grip, has other troubles.
 PUSHED_LENGTHS, MOVING, GRIPPING = 2.5, 1.0, 0.99
@@ -37,14 +39,16 @@ PUSHED_LENGTHS, MOVING, GRIPPING = 2.5, 1.0, 0.99
 
 @large_kernel
 def take_care(cockpit: Cockpit) -> None:
-    """Make the line slower where it was left, and remember where the kart is too near now."""
+    """Make the line slower where the kart failed before, and remember where it fails now."""
     observation, offsets, memory = cockpit.observation, cockpit.offsets, cockpit.memory
     progress = observation[offsets[PROGRESS]]
     memory[LONGEST] = max(memory[LONGEST], progress)
-    near = border_distance(cockpit) < NEAR * cockpit.vehicle.width and drives_alone(cockpit)
-    if near and memory[WAS_NEAR] == 0.0:
-        remember(cockpit, progress)
-    memory[WAS_NEAR] = 1.0 if near else 0.0
+    near = border_distance(cockpit) < NEAR * cockpit.vehicle.width
+    slid = abs(rear_slip(cockpit, max(observation[offsets[SPEED]], MOVING))) > SLID
+    failed = (near or slid) and drives_alone(cockpit)
+    if failed and memory[HAD_FAILED] == 0.0:
+        remember(cockpit, progress, LESS_AFTER_SLIDE if slid else LESS_SPEED)
+    memory[HAD_FAILED] = 1.0 if failed else 0.0
     for index in range(AHEAD):
         less = less_speed(cockpit, progress + index * observation[offsets[STEP]])
         observation[offsets[LINE_SPEED] + index] *= 1.0 - less
@@ -72,13 +76,13 @@ def drives_alone(cockpit: Cockpit) -> bool:
 
 
 @kernel
-def remember(cockpit: Cockpit, progress: float) -> None:
-    """Be slower from now on along the way to a place. progress: of that place [m]."""
+def remember(cockpit: Cockpit, progress: float, less: float) -> None:
+    """Be slower by a share from now on along the way to a place. progress: of that place [m]."""
     memory, stretch = cockpit.memory, STRETCH_LENGTHS * cockpit.vehicle.length
     way = BEFORE_S * cockpit.observation[cockpit.offsets[SPEED]]
     for back in range(min(int(way / stretch) + 2, STRETCHES)):
         place = LESS + stretch_at(cockpit, progress - back * stretch)
-        memory[place] = min(memory[place] + LESS_SPEED, MOST_LESS)
+        memory[place] = min(memory[place] + less, MOST_LESS)
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""A driver on the line is slower where it came too near to a border before."""
+"""A driver on the line is slower where it came too near to a border before, or slid."""
 
 from dataclasses import replace
 
@@ -74,6 +74,17 @@ def test_what_lasts_counts_once_and_each_further_lap_again_up_to_12_percent() ->
         lap.speed_at(50.0, room=AT_THE_WALL)
         lap.speed_at(50.2, room=AT_THE_WALL)
         assert lap.speed_at(48.0) == pytest.approx((1.0 - min(0.03 * times, 0.12)) * 5.0)
+
+
+def test_where_the_rear_axle_lost_its_hold_a_kart_is_6_percent_slower_on_the_way_there() -> None:
+    lap = Lap()
+    lap.speed_at(50.0, lateral_speed=-1.7)  # of 5 m/s: 0.33 rad
+    assert lap.speed_at(48.0) == 5.0
+    lap.speed_at(50.0, lateral_speed=-2.0)  # 0.38 rad
+    lap.speed_at(50.2, room=AT_THE_WALL, lateral_speed=-2.0)
+    lap.speed_at(50.4, room=AT_THE_WALL)
+    assert lap.speed_at(48.0) == pytest.approx(0.94 * 5.0)
+    assert lap.speed_at(52.0) == 5.0
 
 
 def test_the_way_to_a_place_just_after_the_line_begins_before_the_line() -> None:

@@ -200,7 +200,7 @@ def test_damaged_and_foreign_files_are_refused_in_one_sentence(
 
 
 def foreign_model(nodes: list[Any], numbers: dict[str, Any]) -> Any:
-    """A network of three columns, with the metadata of a bundled policy of three actions."""
+    """A network of three columns, with the words of a bundled policy of three actions."""
     shipped = onnx.load(SHIPPED / "time-trial.onnx")
     constants = [onnx.numpy_helper.from_array(value, name) for name, value in numbers.items()]
     body = shipped.graph
@@ -208,7 +208,7 @@ def foreign_model(nodes: list[Any], numbers: dict[str, Any]) -> Any:
     model = onnx.helper.make_model(
         graph, ir_version=shipped.ir_version, opset_imports=shipped.opset_import
     )
-    model.metadata_props.extend(shipped.metadata_props)
+    model.metadata_props.extend(words for words in shipped.metadata_props if words.key == KEY)
     return model
 
 

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from race_agents.planning.line_policy import remember_for_all
+from race_agents.planning.line_policy import foresee_for_all, remember_for_all
 from race_agents.planning.traffic import NOWHERE
 from race_server.core.driver import Briefing
 from race_server.core.kernel_driver import cockpit_for
 from race_server.core.observation import AHEAD, layout_of
 from race_server.core.state import Floats
 from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicles import GRAVITY
 from support.cockpits import alone
 
 DECISION_S = 0.05
@@ -62,14 +63,24 @@ def test_before_the_start_and_after_the_finish_it_stands_for_as_long_as_it_takes
     assert (told[:, 2] == 1.0).all()
 
 
-def test_a_fast_kart_that_turns_more_than_its_bend_is_steered_against_it() -> None:
-    """On a straight the car may turn at 0 rad/s; its top speed is 10 m/s."""
-    slow, fast, calm = (
-        commands([0.1, 0.5, 0.0, 0.0], 1, speed=speed, yaw_rate=turning)[0, 0]
-        for speed, turning in ((4.9, 1.0), (9.0, 1.0), (9.0, 0.0))
-    )
-    assert slow == calm == pytest.approx(0.1)
-    assert fast < 0.0
+@pytest.mark.parametrize(
+    ("speed", "share_of_grip", "shown"),
+    [(9.0, 1.0, 8.73), (9.0, 0.5, 8.865), (9.0, 0.0, 9.0), (4.0, 1.0, 4.0)],
+)
+def test_fast_bends_are_shown_up_to_3_percent_slower(
+    speed: float, share_of_grip: float, shown: float
+) -> None:
+    """The top speed is 10 m/s: from 4 m/s on a little, from 7 m/s on by 3 %."""
+    layout = layout_of("line", 0)
+    cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout)
+    bend = share_of_grip * TT02.grip * GRAVITY / speed**2
+    seen = {"line_speed_ahead": speed, "line_curvature_ahead": -bend, "line_step": 0.2}
+    room = {"line_left_ahead": 1.0, "line_right_ahead": 1.0, "karts_x": NOWHERE}
+    for name, value in (seen | room).items():
+        cockpit.observation[layout.slices[name]] = value
+    foresee_for_all(alone(cockpit))
+    at = layout.slices["line_speed_ahead"].start
+    assert cockpit.observation[at] == pytest.approx(shown)
 
 
 def test_a_kart_that_drives_does_what_the_network_says() -> None:
