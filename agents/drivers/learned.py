@@ -44,7 +44,7 @@ from race_server.envs.actions import (
     discrete_table,
     read_action,
 )
-from race_server.envs.advice import Adviser
+from race_server.envs.advice import OTHERS, Adviser
 from race_server.errors import DriverError
 
 # Read besides what the policy sees; every observation of a live race has them.
@@ -56,8 +56,6 @@ RESCUE_OFFERED = PART_NUMBERS["rescue_offered"]
 # file has a limit by the scan as `follow_gap` is, and one that evades by what is around it; for
 # that more is looked at than it sees.
 LINE_SPEED, LINE_SEES, SCAN_SEES = "line_speed_ahead", "line", "lidar"
-# Parts that tell a policy on a line where others are.
-OTHERS = frozenset(("karts_x", "karts_along"))
 # Parts that tell a policy where its slot is.
 SLOT_PARTS = frozenset(name for name in PART_NUMBERS if "goal_" in name or "slot_" in name)
 
@@ -145,7 +143,7 @@ class Learned:
         Without it where others are near and the policy sees none beside the line.
         """
         charted = charting.look(observation)
-        sees_others = OTHERS & set(self.policy.metadata.parts)
+        sees_others = any(x in self.policy.metadata.parts for x, _ in OTHERS)
         if charted is None or (charting.meets_others and not sees_others):
             return observation
         return with_scan(charted, observation)

@@ -68,8 +68,7 @@ def remember(cockpit: Cockpit) -> None:
     """Take up play, get a kart free that is stuck, and remember what it is told to do."""
     observation, offsets = cockpit.observation, cockpit.offsets
     memory, control, limit = cockpit.memory, cockpit.control, cockpit.vehicle.steering_limit
-    angle = control[0] * limit
-    steering = take_up_play(memory, angle, observation[offsets[STEERING]]) / limit
+    steering = take_up_play(memory, control[0] * limit, observation[offsets[STEERING]]) / limit
     control[0] = min(max(steering, -1.0), 1.0)
     must_stand = observation[offsets[LIGHTS]] > 0.0 or observation[offsets[FINISHED]] > 0.0
     if must_stand or observation[offsets[WRONG_WAY]] > 0.0:

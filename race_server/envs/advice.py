@@ -17,8 +17,8 @@ FASTER_SHARE = 0.12
 DASH_SHARE = 0.5
 # No kart farther away than this [own lengths] is a reason to leave the line or its speeds.
 NEAR_LENGTHS = 10.0
-# How others are seen: (x, y) in the kart's frame, or along and across the line.
-_PLACES = (("karts_x", "karts_y"), ("karts_along", "karts_across"))
+# Parts that tell where others are: (x, y) in the kart's frame, or along and across the line.
+OTHERS = (("karts_x", "karts_y"), ("karts_along", "karts_across"))
 
 
 def advice_of(actions: Float32s, width: float) -> Floats:
@@ -43,7 +43,7 @@ class Adviser:
         self._width = float(vehicle.width)
         self._near = NEAR_LENGTHS * float(vehicle.length)
         self._others = [
-            (layout.slices[x], layout.slices[y]) for x, y in _PLACES if {x, y} <= set(parts)
+            (layout.slices[x], layout.slices[y]) for x, y in OTHERS if {x, y} <= set(parts)
         ]
 
     def advice(self, actions: Float32s, observations: NDArray[np.floating]) -> Floats:
