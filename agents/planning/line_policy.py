@@ -1,10 +1,13 @@
 """What a policy on the line is told and helped with beside its network, as drivers on the line are.
 
-It is shown the line slower in fast bends, and where it came too near to a border or slid before,
-and what it will see once its command acts, where commands act late. What it answers is turned
-further where the steering has play, and gives way to the way out of a jam: no network here counts
-how long it has stood, and one that drives into the same wall again has no other answer to it.
+It is shown the line slower where that takes the grip of a fast kart, and where it came too near to
+a border or slid before, and what it will see once its command acts, where commands act late. What
+it answers is turned further where the steering has play, and gives way to the way out of a jam: no
+network here counts how long it has stood, and one that drives into the same wall again has no other
+answer to it.
 """
+
+import math
 
 from race_agents.planning.care import take_care
 from race_agents.planning.delay_compensation import look_ahead
@@ -12,7 +15,7 @@ from race_agents.planning.lane import drive_in_lane
 from race_agents.planning.latency import STEERING, remember_command, take_up_play
 from race_agents.planning.tactics import FINISHED, LIGHTS, WRONG_WAY, escape
 from race_agents.planning.tracking import CURVATURE, JAM_LENGTHS, LINE_SPEED
-from race_agents.planning.traffic import is_alone, wait_in_line
+from race_agents.planning.traffic import STEP, is_alone, wait_in_line
 from race_server.core.kernel_driver import (
     ATTEMPTS,
     REVERSING,
@@ -25,9 +28,10 @@ from race_server.core.kernels.jit import kernel
 from race_server.core.observation import AHEAD
 from race_server.core.vehicles import GRAVITY
 
-# In bends that take all the grip the line is shown slower by up to this share, from nothing at the
-# first of these shares of the top speed to all of it at the second: a network keeps to a line less
-# exactly than its teacher does, and the faster it is the later its rear axle is caught.
+# Where a bend and the brakes take all the grip, the line is shown slower by up to this share, from
+# nothing at the first of these shares of the top speed to all of it at the second: a network keeps
+# to a line less exactly than its teacher does, and the faster it is the later its rear axle is
+# caught.
 SLOWER, FAST, FASTEST = 0.03, 0.4, 0.7
 # From this attempt to get free on, until it is forgotten, a kart that is alone goes back to its
 # line as `raceline` does.
@@ -36,12 +40,17 @@ HELPED_FROM = 2.0
 
 @kernel
 def keep_hold(cockpit: Cockpit) -> None:
-    """Show the line slower where a bend takes the grip of a fast kart."""
+    """Show the line slower where a bend and the brakes take the grip of a fast kart."""
     observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
     for index in range(AHEAD):
         speed = observation[offsets[LINE_SPEED] + index]
         bend = abs(observation[offsets[CURVATURE] + index])
-        used = min(speed * speed * bend / (vehicle.grip * GRAVITY), 1.0)
+        braking = 0.0
+        if index + 1 < AHEAD:
+            later = observation[offsets[LINE_SPEED] + index + 1]
+            braking = max(speed * speed - later * later, 0.0) / (2.0 * observation[offsets[STEP]])
+        needed = math.hypot(speed * speed * bend, braking)
+        used = min(needed / (vehicle.grip * GRAVITY), 1.0)
         fast = min(max((speed / vehicle.top_speed - FAST) / (FASTEST - FAST), 0.0), 1.0)
         observation[offsets[LINE_SPEED] + index] *= 1.0 - SLOWER * fast * used
 
