@@ -60,6 +60,7 @@ def relay(
     first = Site(here, session, _seats("--bring", bring), keys)
     second = Site(there, there_session, _seats("--send", send), there_keys)
     console = Console(stderr=True)
+    console.print(f"waits for {here} and {there}, {patience:g} s at most")
     document = relay_race(
         first,
         second,

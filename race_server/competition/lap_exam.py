@@ -31,6 +31,7 @@ from race_server.scenario.raceline.program import load_casadi
 from race_server.scenario.raceline.reference import known_limit, reference_limit
 from race_server.scenario.track.course import Course
 from race_server.scenario.track.load import digest_of, load_course
+from race_server.scenario.track.polyline import nearest_on, segments_of
 
 # Kinds of courses that are drawn in turn, for model cars and for longer vehicles.
 SMALL = ("block", "spline", "circuit")
@@ -255,9 +256,8 @@ def _off_centre(course: Course, laps: Sequence[TrialLap]) -> float | None:
     traces = [lap.trace for lap in laps]
     if not traces:
         return None
-    x, y = np.hstack(traces)[[X, Y]]
-    ways = np.hypot(*(np.stack([x, y], axis=1)[:, None] - course.line[None, :, :2]).T)
-    return float(ways.min(axis=0).mean())
+    distances, _ = nearest_on(segments_of(course.line[:, :2]), np.hstack(traces)[[X, Y]].T)
+    return float(distances.mean())
 
 
 def _is_final(one: CourseTry) -> bool:
