@@ -42,13 +42,14 @@ HELPED_FROM = 2.0
 def keep_hold(cockpit: Cockpit) -> None:
     """Show the line slower where a bend and the brakes take the grip of a fast kart."""
     observation, offsets, vehicle = cockpit.observation, cockpit.offsets, cockpit.vehicle
+    step = max(observation[offsets[STEP]], 0.01)
     for index in range(AHEAD):
         speed = observation[offsets[LINE_SPEED] + index]
         bend = abs(observation[offsets[CURVATURE] + index])
         braking = 0.0
         if index + 1 < AHEAD:
             later = observation[offsets[LINE_SPEED] + index + 1]
-            braking = max(speed * speed - later * later, 0.0) / (2.0 * observation[offsets[STEP]])
+            braking = max(speed * speed - later * later, 0.0) / (2.0 * step)
         needed = math.hypot(speed * speed * bend, braking)
         used = min(needed / (vehicle.grip * GRAVITY), 1.0)
         fast = min(max((speed / vehicle.top_speed - FAST) / (FASTEST - FAST), 0.0), 1.0)
