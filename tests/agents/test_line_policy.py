@@ -14,6 +14,7 @@ from race_server.core.vehicles import GRAVITY
 from support.cockpits import alone
 
 DECISION_S = 0.05
+LINE_STEP = 0.2  # [m]
 
 
 def commands(answer: list[float], decisions: int, **seen: float) -> Floats:
@@ -23,8 +24,8 @@ def commands(answer: list[float], decisions: int, **seen: float) -> Floats:
     """
     layout = layout_of("line", 0)
     cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout)
-    cockpit.observation[layout.slices["line_step"]] = 0.2
-    cockpit.observation[layout.slices["line_ahead_x"]] = 0.2 * np.arange(AHEAD)
+    cockpit.observation[layout.slices["line_step"]] = LINE_STEP
+    cockpit.observation[layout.slices["line_ahead_x"]] = LINE_STEP * np.arange(AHEAD)
     cockpit.observation[layout.slices["karts_x"]] = NOWHERE
     for name, value in seen.items():
         cockpit.observation[layout.slices[name].start] = value
@@ -71,16 +72,31 @@ def test_fast_bends_are_shown_up_to_3_percent_slower(
     speed: float, share_of_grip: float, shown: float
 ) -> None:
     """The top speed is 10 m/s: from 4 m/s on a little, from 7 m/s on by 3 %."""
+    bend = share_of_grip * TT02.grip * GRAVITY / speed**2
+    assert speed_shown(np.full(AHEAD, speed), -bend) == pytest.approx(shown)
+
+
+@pytest.mark.parametrize(("share_of_grip", "shown"), [(1.0, 8.73), (0.5, 8.865), (-0.5, 9.0)])
+def test_so_is_braking_on_a_straight_but_not_its_opposite(
+    share_of_grip: float, shown: float
+) -> None:
+    """From 9 m/s on: the square of a speed falls by twice the braking times the way."""
+    way = LINE_STEP * np.arange(AHEAD)
+    squares = 9.0**2 - 2.0 * share_of_grip * TT02.grip * GRAVITY * way
+    assert speed_shown(np.sqrt(np.maximum(squares, 0.0)), 0.0) == pytest.approx(shown)
+
+
+def speed_shown(speeds: Floats, bend: float) -> float:
+    """Return the first of the line's speeds, (AHEAD,) [m/s], as shown to a policy. bend: [1/m]."""
     layout = layout_of("line", 0)
     cockpit = cockpit_for(Briefing(0, TT02, 3, "line", DECISION_S, ()), layout)
-    bend = share_of_grip * TT02.grip * GRAVITY / speed**2
-    seen = {"line_speed_ahead": speed, "line_curvature_ahead": -bend, "line_step": 0.2}
-    room = {"line_left_ahead": 1.0, "line_right_ahead": 1.0, "karts_x": NOWHERE}
+    seen = {"line_curvature_ahead": bend, "line_step": LINE_STEP, "karts_x": NOWHERE}
+    room = {"line_left_ahead": 1.0, "line_right_ahead": 1.0}
     for name, value in (seen | room).items():
         cockpit.observation[layout.slices[name]] = value
+    cockpit.observation[layout.slices["line_speed_ahead"]] = speeds
     foresee_for_all(alone(cockpit))
-    at = layout.slices["line_speed_ahead"].start
-    assert cockpit.observation[at] == pytest.approx(shown)
+    return float(cockpit.observation[layout.slices["line_speed_ahead"].start])
 
 
 def test_a_kart_that_drives_does_what_the_network_says() -> None:
