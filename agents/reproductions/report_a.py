@@ -55,6 +55,13 @@ CURIOSITY = ("curiosity.bonus=0.02",)
 GAIL = ("gail.scale=0.01", "gail.own_share=1.0")
 CLONING = ("cloning.strength=0.5", "cloning.steps=150000")
 
+# Of its network of 3 x 512; see `half_stack.py`.
+HALVES = ("network.products=bfloat16",)
+HALVES_WORD = (
+    "Products between two layers have factors of bfloat16 (8 bits) where the processor has units "
+    "for it, and sums of float32. The report's network multiplies float32."
+)
+
 STEPS = 4_000_000  # to which the learning rates of the preset belong
 
 THEIR_HEADS = ("parked, %", "aligned, % of all", "aligned, % of parked", "remark")

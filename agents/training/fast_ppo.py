@@ -25,10 +25,10 @@ from race_agents.training.gaussian_mlp import (
     HALF_LOG_TAU,
     GaussianMlp,
     Lesson,
-    Rows,
     Told,
     layers_of,
 )
+from race_agents.training.stack import Rows
 
 LEAST_ROWS = 512  # of a part: below it waiting for other threads costs more than it saves
 
@@ -36,15 +36,17 @@ LEAST_ROWS = 512  # of a part: below it waiting for other threads costs more tha
 class FastPpo(PPO):
     """PPO whose gradients are written out, on several threads."""
 
-    def __init__(self, *arguments: Any, threads: int = 1, **options: Any) -> None:
+    def __init__(
+        self, *arguments: Any, threads: int = 1, halves: bool = False, **options: Any
+    ) -> None:
         """Take SB3's options.
 
         threads: that learn from one minibatch together: two teach actor and critic, four do so for
-        each half of it, and so on.
+        each half of it, and so on; halves: wide products are of bfloat16.
         """
         # These threads are all: a product of matrices must not ask for more.
         threadpool_limits(1, "blas")
-        self.threads = threads
+        self.threads, self.halves = threads, halves
         self._pool: ThreadPoolExecutor | None = None
         self._parts: list[GaussianMlp] = []
         self._gradients: list[tuple[nn.Parameter, torch.Tensor]] = []
@@ -66,7 +68,8 @@ class FastPpo(PPO):
             # New parameters, or those of a checkpoint in other memory.
             rows = max(self.batch_size, self.n_envs)
             self._parts = [
-                GaussianMlp(actor, critic, rows) for _ in range(max(self.threads // 2, 1))
+                GaussianMlp(actor, critic, rows, halves=self.halves)
+                for _ in range(max(self.threads // 2, 1))
             ]
             self._gradients = self._gradients_of(self._parts[0])
             if type(self.policy.optimizer) is torch.optim.Adam:

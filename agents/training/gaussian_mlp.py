@@ -13,23 +13,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from torch import nn
 
-Rows = NDArray[np.float32]
+from race_agents.training.half_stack import stack_of
+from race_agents.training.stack import Layer, Rows
+
 HALF_LOG_TAU = np.float32(0.5 * np.log(2.0 * np.pi))
-
-
-@dataclass(frozen=True)
-class Layer:
-    """A dense layer: the policy's numbers, in its own memory, and what lies behind it."""
-
-    weight: Rows  # (out, in)
-    bias: Rows  # (out,)
-    bends: str  # tanh, relu, or nothing behind the last
 
 
 def layers_of(policy: Any) -> tuple[list[Layer], list[Layer]] | None:
@@ -59,54 +51,6 @@ def _dense(modules: list[nn.Module]) -> list[Layer]:
     return layers
 
 
-class Stack:
-    """Layers with room for the answers and gradients of up to n rows."""
-
-    def __init__(self, layers: list[Layer], rows: int) -> None:
-        self.layers = layers
-        self._answers = [np.empty((rows, len(layer.bias)), np.float32) for layer in layers]
-        self._errors = [np.empty((rows, layer.weight.shape[1]), np.float32) for layer in layers]
-        self.gradients = [
-            (np.empty_like(layer.weight), np.empty_like(layer.bias)) for layer in layers
-        ]
-        self._seen = self._answers[0]
-
-    def answer(self, seen: Rows) -> Rows:
-        """Return the answers (n, out) to rows (n, in); they last until the next call."""
-        self._seen = below = seen
-        for layer, room in zip(self.layers, self._answers, strict=True):
-            answers = room[: len(seen)]
-            np.dot(below, layer.weight.T, out=answers)
-            np.add(answers, layer.bias, out=answers)
-            if layer.bends == "tanh":
-                np.tanh(answers, out=answers)
-            elif layer.bends == "relu":
-                np.maximum(answers, 0.0, out=answers)
-            below = answers
-        return below
-
-    def learn(self, error: Rows) -> None:
-        """Fill `gradients` from the gradient (n, out) of the loss by what was answered last."""
-        above = error
-        for place in reversed(range(len(self.layers))):
-            layer, (weight, bias) = self.layers[place], self.gradients[place]
-            below = self._answers[place - 1][: len(above)] if place else self._seen
-            np.dot(above.T, below, out=weight)
-            np.sum(above, axis=0, out=bias)
-            if not place:
-                return
-            errors = self._errors[place][: len(above)]
-            np.dot(above, layer.weight, out=errors)
-            if self.layers[place - 1].bends == "tanh":
-                # By 1 - tanh², of which the square is not needed any more.
-                np.multiply(below, below, out=below)
-                np.subtract(1.0, below, out=below)
-                np.multiply(errors, below, out=errors)
-            else:
-                np.multiply(errors, below > 0.0, out=errors)
-            above = errors
-
-
 @dataclass(frozen=True)
 class Lesson:
     """One part of a minibatch of PPO. Shapes: (n, what the critic knows), (n, A), (n,)."""
@@ -132,8 +76,12 @@ class Told:
 class GaussianMlp:
     """Actor and critic of one part; they share nothing, so that two threads may teach them."""
 
-    def __init__(self, actor: list[Layer], critic: list[Layer], rows: int) -> None:
-        self.actor, self.critic = Stack(actor, rows), Stack(critic, rows)
+    def __init__(
+        self, actor: list[Layer], critic: list[Layer], rows: int, *, halves: bool = False
+    ) -> None:
+        """Make room for up to n rows. halves: wide products are of bfloat16."""
+        self.actor = stack_of(actor, rows, halves=halves)
+        self.critic = stack_of(critic, rows, halves=halves)
         self.spread_gradient = np.zeros(len(actor[-1].bias), np.float32)
         pairs = [*self.actor.gradients, *self.critic.gradients]
         # By the logarithms of spreads, then by weights and biases from the actor's first layer on.

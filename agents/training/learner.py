@@ -143,6 +143,7 @@ def learner_of(
     options |= _options_of_team(settings, world)
     if issubclass(kind, FastPpo):
         options["threads"] = settings.threads
+        options["halves"] = settings.network.products == "bfloat16"
     network: dict[str, Any] = {
         "net_arch": list(settings.network.layers),
         "activation_fn": ACTIVATIONS[settings.network.activation],

@@ -18,8 +18,9 @@ from stable_baselines3.common.torch_layers import create_mlp
 from torch import nn
 
 from race_agents.training.fast_ppo import FastPpo
-from race_agents.training.gaussian_mlp import Rows, layers_of
+from race_agents.training.gaussian_mlp import layers_of
 from race_agents.training.reward_wrapper import width_of
+from race_agents.training.stack import Rows
 from race_server.errors import ScenarioError
 
 LIMIT = 10.0  # of a normalised number, as that of what is seen

@@ -58,6 +58,8 @@ class Network(Table):
     last_log_std: Deviations | None = None
     # PPO: what the untrained network answers; around zero a kart stands, as brakes are stronger.
     first_action: tuple[float, ...] = ()
+    # PPO: of factors between two layers, where the processor has units for it. None: float32.
+    products: Literal["bfloat16"] | None = None
 
 
 class Lidar(Table):

@@ -105,6 +105,13 @@ def _check_use(settings: Settings, source: str) -> None:
         )
     if settings.evades and not settings.parks:
         raise ScenarioError(f"{source}: evades = true: it is for policies that park; leave it out")
+    name, network = settings.algorithm.name, settings.network
+    if network.products and (name not in {"ppo", "mappo"} or len(network.layers) < 2):
+        raise ScenarioError(
+            f"{source}: network.products = {network.products!r} with algorithm.name = {name!r}, "
+            f"network.layers = {list(network.layers)}: it is for the products between two layers "
+            "of ppo and mappo; leave it out"
+        )
     if not settings.parks and seconds < decision_s:
         raise ScenarioError(
             f"{source}: evaluation.seconds = {seconds:g}: no decision is made in them; give "

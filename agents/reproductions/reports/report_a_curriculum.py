@@ -6,6 +6,8 @@ from race_agents.reproductions.report_a import (
     CLONING,
     CURIOSITY,
     GAIL,
+    HALVES,
+    HALVES_WORD,
     PARKED,
     RATE,
     SCENARIO_2,
@@ -22,6 +24,7 @@ REPRODUCTION = Reproduction(
     title="Aids to exploration: stages, curiosity, imitation by GAIL, cloning",
     source=f"{SOURCE}: time until it converged, of one run each",
     preset="report-a",
+    changes=HALVES,
     rows=(
         Variant("scenario 1, at once", theirs=("98.0", "1 h", "")),
         Variant(
@@ -59,6 +62,7 @@ REPRODUCTION = Reproduction(
     assumptions=(
         *ASSUMPTIONS,
         RATE,
+        HALVES_WORD,
         "Its stages were made by hand and are not printed. Ours begin near the slot: of the zone "
         "at most 6, 12, 20 m away and then anywhere, of the yard at most 8, 16, 28, 42, 56 m. The "
         "next one begins once 80 % of the last 200 episodes park, and all within half of the "

@@ -6,6 +6,8 @@ from race_agents.reproductions.report_a import (
     CLONING,
     CURIOSITY,
     GAIL,
+    HALVES,
+    HALVES_WORD,
     KARTS,
     PARKED,
     RATE,
@@ -22,7 +24,7 @@ REPRODUCTION = Reproduction(
     title="Parking across a yard among two more karts",
     source=f"{SOURCE}, scenario 2 + 2: about 500 episodes and one run each, so ± 4 points",
     preset="report-a",
-    changes=(*KARTS, *CURIOSITY, *GAIL, *CLONING),
+    changes=(*KARTS, *CURIOSITY, *GAIL, *CLONING, *HALVES),
     rows=(
         Variant(
             "PPO with three aids",
@@ -39,7 +41,7 @@ REPRODUCTION = Reproduction(
         ),
         Variant(
             "POCA with three aids",
-            ("algorithm.name=poca",),
+            ("algorithm.name=poca", "network.products=none"),
             theirs=("77.3", "–", "98", "about 5 h 30"),
             their_number=77.3,
             imitates=_AIDS,
@@ -54,8 +56,10 @@ REPRODUCTION = Reproduction(
     assumptions=(
         *ASSUMPTIONS,
         RATE,
+        HALVES_WORD,
         "Its third row is POCA with three aids and no stages. With one kart that learns it is PPO "
-        "with another critic: the baseline that leaves its action out knows what the critic knows.",
+        "with another critic: the baseline that leaves its action out knows what the critic knows. "
+        "It multiplies float32.",
         "The two other karts drive the policy `parking-2` of this program, which learned alone in "
         "this yard, each to a slot that no other has.",
         "98 % aligned is told of 386 of 393 in one of its rows, not of which.",

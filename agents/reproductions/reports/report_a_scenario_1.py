@@ -3,6 +3,8 @@
 from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingScale, Twist, Variant
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
+    HALVES,
+    HALVES_WORD,
     PARKED,
     RATE,
     SOURCE,
@@ -19,6 +21,7 @@ REPRODUCTION = Reproduction(
     title="Parking in a zone of 30 m: rewards and observations",
     source=f"{SOURCE}, scenario 1: 2165 of 2209 episodes parked, 2154 of them aligned",
     preset="report-a",
+    changes=HALVES,
     rows=(
         Variant(
             "configuration 1",
@@ -59,6 +62,7 @@ REPRODUCTION = Reproduction(
     assumptions=(
         *ASSUMPTIONS,
         RATE,
+        HALVES_WORD,
         "Its interval of 95 % is Wilson's, reckoned here from its counts.",
         "Slots have any heading here. Where its slots all lay one way, a network need not see it.",
         "Per step it takes 0.001 for reversing and for wheels turned by more than 15°: 0.6 of a "

@@ -3,6 +3,8 @@
 from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
+    HALVES,
+    HALVES_WORD,
     PARKED,
     RATE,
     SCENARIO_2,
@@ -24,7 +26,7 @@ REPRODUCTION = Reproduction(
     title="Parking across a yard with blocks and a person: what explains the report's failures",
     source=f"{SOURCE}, scenario 2, final configuration; number of episodes not told",
     preset="report-a",
-    changes=SCENARIO_2,
+    changes=(*SCENARIO_2, *HALVES),
     base="final",
     rows=(
         Variant(
@@ -56,6 +58,7 @@ REPRODUCTION = Reproduction(
     assumptions=(
         *ASSUMPTIONS,
         RATE,
+        HALVES_WORD,
         "The penalty of the distance is of metres divided by the 70 m of the yard, so that it sums "
         "to 1 in a minute at most; in metres it may sum to 66.",
         "The report takes that penalty away once the mean return no longer rises, to see it go to "
