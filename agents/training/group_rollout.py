@@ -124,7 +124,10 @@ class GroupRollout(RolloutBuffer):
         # SB3 fills it with what groups gained over their values, and reckons the returns from that.
         self.advantages = np.zeros_like(self.values)
         self.compute_returns_and_advantage(torch.from_numpy(following), self._over)
-        self.advantages = self.returns[..., None] - self._baselines(critic)
+        # One agent alone has the group's values as its baselines, see `GroupCritic.worths`.
+        alone = self.agents == 1
+        baselines = self.values[..., None] if alone else self._baselines(critic)
+        self.advantages = self.returns[..., None] - baselines
 
     def _baselines(self, critic: GroupCritic) -> Array:
         rows = (self.observations, self.acted, self.active)

@@ -23,14 +23,21 @@ OPTIONS: dict[str, Any] = {
 }
 
 
-def learned(kind: type[PPO], activation: type[torch.nn.Module], **options: Any) -> PPO:
+def learned(
+    kind: type[PPO], activation: type[torch.nn.Module], rollouts: int = 3, **options: Any
+) -> PPO:
     task = ring_task(4, observation="radar", random_start=True, most_steps=25)
     karts = KartVecEnv(task, worlds=16, seed=1)
     network = {"net_arch": {"pi": [16, 12], "vf": [20, 8]}, "activation_fn": activation}
     learner = kind("MlpPolicy", karts, policy_kwargs=network, **OPTIONS, **options)
-    learner.learn(3 * 32 * 64)
+    learner.learn(rollouts * 32 * 64)
     karts.close()
     return learner
+
+
+def flat(learner: PPO) -> torch.Tensor:
+    """Return all parameters of a policy."""
+    return torch.nn.utils.parameters_to_vector(learner.policy.parameters()).detach()
 
 
 @pytest.mark.parametrize("activation", [torch.nn.Tanh, torch.nn.ReLU])
@@ -45,6 +52,19 @@ def test_three_rollouts_leave_the_parameters_of_the_reference(
         way, apart = (one - begun).abs().max().item(), (one - other).abs().max().item()
         assert apart < 0.02 * way
     assert fast.logger.name_to_value.keys() == reference.logger.name_to_value.keys()
+
+
+def test_with_halves_its_parameters_go_the_same_way() -> None:
+    first, exact, half = (
+        flat(learner)
+        for learner in (
+            learned(FastPpo, torch.nn.ReLU, rollouts=0),
+            learned(FastPpo, torch.nn.ReLU),
+            learned(FastPpo, torch.nn.ReLU, halves=True),
+        )
+    )
+    way, other_way = exact - first, half - first
+    assert torch.dot(way, other_way) > 0.9 * way.norm() * other_way.norm()
 
 
 def test_it_goes_on_from_its_checkpoint(tmp_path: Any) -> None:

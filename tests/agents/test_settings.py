@@ -57,6 +57,7 @@ def test_every_title_is_read_again(title: str, tmp_path: Path) -> None:
             "network.layers=[100000]",
             "network.layers.0 = 100000: input should be less than or equal to 8192",
         ),
+        ("network.products=float16", "products = 'float16': input should be 'bfloat16'"),
         ("network.layers=[0]", "network.layers.0 = 0: input should be greater than 0"),
         ("seed=5000000000", "seed = 5000000000: input should be less than 2147483648"),
         ("algorithm.options.gamma=x", "algorithm.options.gamma = 'x': give a number from 0 to 1"),
@@ -81,6 +82,13 @@ def test_a_limit_by_the_scan_is_for_policies_that_race_by_a_lidar() -> None:
     changes = ["scan_limit=1.1", "observation=['speed', 'steering']"]
     with pytest.raises(ScenarioError, match=r"scan_limit = 1.1: it is for policies that race"):
         read_settings("time-trial-ppo", changes)
+
+
+@pytest.mark.parametrize("change", ["algorithm={name = 'sac'}", "network.layers=[64]"])
+def test_halves_are_for_networks_of_ppo_with_several_layers(change: str) -> None:
+    assert read_settings("time-trial-ppo", ["network.products=bfloat16"]).network.products
+    with pytest.raises(ScenarioError, match=r"network.products = 'bfloat16' .*; leave it out"):
+        read_settings("time-trial-ppo", ["network.products=bfloat16", change])
 
 
 def test_policies_that_park_one_body_may_evade() -> None:
