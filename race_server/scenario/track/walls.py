@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +31,10 @@ MOST_FREE = 60
 CLEAR_CELLS = 6
 # Cells of a grid, and those near to walls, each counted for each of its walls.
 MOST_CELLS, MOST_NEAR = 1 << 22, 1 << 25
-# Grids that are kept, as the runs of a trial pack the same walls again and again: one takes 0.2 MB
-# on a kart track of 400 m, and a hundred where it is as large as can be.
-KEPT_GRIDS = 2
+# Grids that are kept, as the runs of a trial and the races of an exam pack the same walls again and
+# again [bytes]: one takes 0.2 MB on a kart track of 400 m, and a hundred where it is as large as
+# can be.
+KEPT = 1 << 26
 # Walls in one circle that a sensor looks at as a whole.
 GROUP_WALLS = 12
 
@@ -59,13 +59,16 @@ class _Grid(NamedTuple):
     free: NDArray[np.uint8]  # (cells, 8, 2)
 
 
+_kept: dict[tuple[bytes, float], _Grid] = {}  # from the least recently asked for on
+
+
 def pack_walls(fences: Sequence[Fence]) -> Walls:
     """Return the walls of all sites behind one another; site s is `sites[s]`."""
     sites = np.zeros(len(fences), SITE)
     groups, firsts, members, clears, frees = [], [], [], [], []
     walls = cells = circles = listed = 0
     for site, (segments, _, cell) in zip(sites, fences, strict=True):
-        grid = _grid_of(np.ascontiguousarray(segments).tobytes(), cell)
+        grid = _grid_of(segments, cell)
         origin, columns, rows, first, entries = grid[:5]
         groups.append(_groups_of(segments, walls))
         site.cell, site.columns, site.rows = cell, columns, rows
@@ -161,10 +164,22 @@ def grid_over(segments: Floats, cell: float) -> tuple[tuple[float, float], int, 
     return (float(low[0]), float(low[1])), int(counts[0]), int(counts[1])
 
 
-@lru_cache(maxsize=KEPT_GRIDS)
-def _grid_of(segments: bytes, cell: float) -> _Grid:
-    """Return the grid over walls, (P, 4) as bytes: the runs of a trial ask for the same again."""
-    walls = np.frombuffer(segments).reshape(-1, 4)
+def _grid_of(walls: Floats, cell: float) -> _Grid:
+    """Return the grid over walls (P, 4), the same again where it is still kept."""
+    key = (walls.tobytes(), cell)
+    grid = _kept.pop(key, None) or _made_grid(walls, cell)
+    _kept[key] = grid  # behind those that were asked for before
+    while len(_kept) > 1 and sum(map(_bytes_of, list(_kept.values()))) > KEPT:
+        oldest, *_ = _kept
+        _kept.pop(oldest, None)
+    return grid
+
+
+def _bytes_of(grid: _Grid) -> int:
+    return sum(one.nbytes for one in (grid.first, grid.entries, grid.clear, grid.free))
+
+
+def _made_grid(walls: Floats, cell: float) -> _Grid:
     origin, columns, rows = grid_over(walls, cell)
     first, entries = _list_walls(walls, origin, cell, columns, rows)
     clear = clearances_of(walls, origin, cell, columns, rows)
