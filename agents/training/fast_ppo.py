@@ -90,6 +90,7 @@ class FastPpo(PPO):
         self.policy.set_training_mode(False)
         rollout_buffer.reset()
         callback.on_rollout_start()
+        networks[0].renew()  # after what else may have taught them
         space: Any = self.action_space
         dones: Any = None
         for _ in range(n_rollout_steps):
@@ -169,6 +170,8 @@ class FastPpo(PPO):
             return
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
+        for network in networks:
+            network.renew()
         limit: Any = self.clip_range
         clip = float(limit(self._current_progress_remaining))
         told: list[Told] = []
@@ -239,6 +242,8 @@ class FastPpo(PPO):
             parameter.grad = gradient if parameter.requires_grad else None
         torch.nn.utils.clip_grad_norm_([one for one, _ in self._gradients], self.max_grad_norm)
         self.policy.optimizer.step()
+        for network in self._parts:
+            network.renew()
 
     def _gradients_of(self, network: GaussianMlp) -> list[tuple[nn.Parameter, torch.Tensor]]:
         """Return the policy's parameters with their gradients, in the memory of a network."""

@@ -88,6 +88,11 @@ class GaussianMlp:
         self.gradients = [self.spread_gradient, *(each for pair in pairs for each in pair)]
         self._seen = actor[0].weight.shape[1]  # the first numbers of what the critic knows
 
+    def renew(self) -> None:
+        """Take parameters that have changed."""
+        self.actor.renew()
+        self.critic.renew()
+
     def act(self, known: Rows) -> Rows:
         """Return the actor's answers (n, A) to what is seen, the first part of what is known."""
         return self.actor.answer(known[:, : self._seen])

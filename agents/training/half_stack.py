@@ -38,6 +38,16 @@ class HalfStack(Stack):
         self._behind = [_half(rows, len(layer.bias)) for layer in layers[:-1]]
         self._above = [_half(rows, len(layer.bias)) for layer in layers[:-1]]
 
+        self.renew()
+
+    def renew(self) -> None:
+        """Round the parameters, which have changed."""
+        for layer, weight, bias in zip(
+            self.layers[INNER], self._weights, self._biases, strict=True
+        ):
+            weight.copy_(torch.from_numpy(layer.weight))
+            bias.copy_(torch.from_numpy(layer.bias))
+
     def answer(self, seen: Rows) -> Rows:
         """Return the answers (n, out) to rows (n, in); they last until the next call."""
         self._seen, count = seen, len(seen)
@@ -48,13 +58,11 @@ class HalfStack(Stack):
         for layer, weight, bias, behind in zip(
             inner, self._weights, self._biases, self._behind[1:], strict=True
         ):
-            weight.copy_(torch.from_numpy(layer.weight))
-            bias.copy_(torch.from_numpy(layer.bias))
             below = torch.addmm(bias, below, weight.t(), out=behind[:count])
             if layer.bends == "tanh":
                 torch.tanh_(below)
             else:
-                torch.relu_(below)
+                below.view(torch.int16).clamp_(min=0)  # which has the same sign
         full = self._answers[-2][:count]
         torch.from_numpy(full).copy_(below)
         answers = self._answers[-1][:count]
