@@ -28,12 +28,19 @@ Array = NDArray[Any]
 # A pedal pressed less than this lets the vehicle roll: otherwise it would stand still only by
 # answers within 0.03 of zero, where rolling resistance holds it.
 SLACK = 0.2
-# What stays of what an environment tells: every lesson copies it.
+# What stays of what an environment tells.
 KEPT = ("crashed", "is_success")
 DRAWS = 8  # poses of one way that are tried as a goal, the first fit one is taken
 CLEARANCE = 5.0  # [m] beyond which a range makes less difference
 # What makes 1 to the network, of each part: [m/s], [rad/s], [rad].
 SCALES = {"speed": 3.0, "lateral_speed": 1.0, "yaw_rate": 2.0, "steering": 0.5}
+
+
+class Told(dict[str, Any]):
+    """What a step told; nothing changes it, so that copies of a replay buffer are itself."""
+
+    def __deepcopy__(self, _: Any) -> "Told":
+        return self
 
 
 class Vehicles(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -43,7 +50,7 @@ class Vehicles(gymnasium.Wrapper[Any, Any, Any, Any]):
         """Move on by one decision."""
         seen, reward, is_over, is_cut, info = self.env.step(slackened(action))
         kept = {name: info[name] for name in KEPT if name in info}
-        return seen, reward, is_over, is_cut, kept
+        return seen, reward, is_over, is_cut, Told(kept)
 
 
 def slackened(actions: Array) -> Array:
@@ -159,14 +166,21 @@ def hindsight_learner(settings: Settings, vehicles: VecEnv) -> SAC:
     return SAC(
         "MultiInputPolicy",
         vehicles,
-        learning_rate=settings.algorithm.learning_rate,
+        learning_rate=_rate(settings),
         replay_buffer_class=Hindsight,
         replay_buffer_kwargs={"n_sampled_goal": 4, "copy_info_dict": True, "still": still},
         policy_kwargs={
             "net_arch": list(settings.network.layers),
             "features_extractor_class": SlotView,
+            "optimizer_kwargs": {"fused": True},  # one call for all parameters
         },
         seed=settings.seed,
         device="cpu",
         **settings.algorithm.options,
     )
+
+
+def _rate(settings: Settings) -> Any:
+    """Return the learning rate by the share of decisions that is left."""
+    first, last = settings.algorithm.learning_rate, settings.algorithm.last_learning_rate
+    return first if last is None else lambda left: last + left * (first - last)

@@ -1,5 +1,6 @@
 """Learning to park in hindsight: what the network sees, what a goal that was reached means."""
 
+import copy
 from typing import Any
 
 import gymnasium
@@ -141,6 +142,24 @@ def simple(*changes: str) -> Settings:
             *changes,
         ),
     )
+
+
+def test_its_learning_rate_falls_evenly_to_the_last_one() -> None:
+    karts = vehicles(simple("worlds=1"))
+    asked = simple("worlds=1", "algorithm.last_learning_rate=1e-4")
+    rate = hindsight_learner(asked, karts).lr_schedule
+    assert [rate(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-3, 5.5e-4, 1e-4])
+    assert hindsight_learner(simple("worlds=1"), karts).lr_schedule(0.0) == 1e-3
+    karts.close()
+
+
+def test_lessons_do_not_copy_what_steps_told() -> None:
+    karts = vehicles(simple("worlds=1"))
+    karts.reset()
+    _, _, _, (told,) = karts.step(np.zeros((1, 2), np.float32))
+    assert copy.deepcopy(told) is told
+    assert told["crashed"] is False
+    karts.close()
 
 
 @pytest.mark.slow

@@ -11,18 +11,18 @@ from race_agents.reproductions.report_a import SOURCE
 from race_agents.reproductions.transfer import Bundled, Hindsight, HindsightThere, Moved, OnThere
 
 
-def _sac(vehicles: int, starts: int) -> tuple[str, ...]:
-    """Return settings of SAC: one lesson for each decision, the first when a way is over."""
+def _sac(vehicles: int, starts: int, lessons: int = 1) -> tuple[str, ...]:
+    """Return settings of SAC. lessons: of each decision; the first is when a way is over."""
     return (
         "algorithm={name = 'sac', learning_rate = 1e-3}",
         "algorithm.options={buffer_size = 60000, batch_size = 256, gamma = 0.95, tau = 0.05, "
-        f"learning_starts = {starts}, gradient_steps = {vehicles}, ent_coef = 'auto_0.1'}}",
+        f"learning_starts = {starts}, gradient_steps = {lessons * vehicles}, ent_coef = 'auto_0.1'}}",
         f"worlds={vehicles}",
     )
 
 
 # Five decisions a second, as `parking-v0` has them, in ways of at most 20 s; there of a minute.
-_HINDSIGHT = (*_sac(8, 1000), "parking.decision_ticks=12", "parking.limit_s=20.0")
+_HINDSIGHT = (*_sac(8, 1000, lessons=2), "parking.decision_ticks=12", "parking.limit_s=20.0")
 _HINDSIGHT_THERE = _sac(4, 1300)
 _THERE = (
     "worlds=8",
@@ -53,7 +53,7 @@ REPRODUCTION = Reproduction(
     rows=(
         Variant(
             "SAC + HER, level goal",
-            (*_HINDSIGHT, "parking.level=goal"),
+            (*_HINDSIGHT, "parking.level=goal", "algorithm.last_learning_rate=1e-4"),
             theirs=("not tried",),
             lesson=Hindsight(),
         ),
@@ -152,8 +152,11 @@ REPRODUCTION = Reproduction(
         "times a second, learns in ways of 20 s and is examined in those of 60 s. Pedals do "
         "nothing below 0.2. A relabelled goal that is reached ends the way, and for the level "
         "parked goals are poses in which the kart stood, where it did.",
-        "On `parking-v0` SAC with hindsight is Stable-Baselines3's, with the same sizes. An "
-        "earlier run of ours with 3 × 256 and batches of 512 came to 32 % at 15 000, 72 % at 25 "
+        "It takes two lessons for each decision. For the level goal its learning rate falls "
+        "evenly to a tenth: with one lesson seed 1 came to 96.9 % so, and to 90.5 % with a rate "
+        "that stays. For the level parked it stays: falling, seed 1 came to 53.5 %.",
+        "On `parking-v0` SAC with hindsight is Stable-Baselines3's, with the same sizes, one "
+        "lesson for each decision and a rate that stays. An earlier run of ours with 3 × 256 and batches of 512 came to 32 % at 15 000, 72 % at 25 "
         "000 and 80 % at 35 000 decisions in 2200 s; highway-env publishes no rate.",
         "`parking-v0` ends after 60 s instead of 100 s, and an exam there has a tenth of the "
         "starts: its steps take milliseconds.",
