@@ -16,7 +16,8 @@ def _sac(vehicles: int, starts: int, lessons: int = 1) -> tuple[str, ...]:
     return (
         "algorithm={name = 'sac', learning_rate = 1e-3}",
         "algorithm.options={buffer_size = 60000, batch_size = 256, gamma = 0.95, tau = 0.05, "
-        f"learning_starts = {starts}, gradient_steps = {lessons * vehicles}, ent_coef = 'auto_0.1'}}",
+        f"learning_starts = {starts}, gradient_steps = {lessons * vehicles}, "
+        "ent_coef = 'auto_0.1'}",
         f"worlds={vehicles}",
     )
 
@@ -156,8 +157,9 @@ REPRODUCTION = Reproduction(
         "evenly to a tenth: with one lesson seed 1 came to 96.9 % so, and to 90.5 % with a rate "
         "that stays. For the level parked it stays: falling, seed 1 came to 53.5 %.",
         "On `parking-v0` SAC with hindsight is Stable-Baselines3's, with the same sizes, one "
-        "lesson for each decision and a rate that stays. An earlier run of ours with 3 × 256 and batches of 512 came to 32 % at 15 000, 72 % at 25 "
-        "000 and 80 % at 35 000 decisions in 2200 s; highway-env publishes no rate.",
+        "lesson for each decision and a rate that stays. An earlier run of ours with 3 × 256 and "
+        "batches of 512 came to 32 % at 15 000, 72 % at 25 000 and 80 % at 35 000 decisions in "
+        "2200 s; highway-env publishes no rate.",
         "`parking-v0` ends after 60 s instead of 100 s, and an exam there has a tenth of the "
         "starts: its steps take milliseconds.",
         "As a similar kart: lengths there are divided by 2.8 (the turning circles are then "
