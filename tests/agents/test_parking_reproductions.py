@@ -37,7 +37,7 @@ TINY = TrainingScale(
         "parking.lots=['face-to-face']",
         "parking.limit_s=3.0",
         "worlds=2",
-        "network.layers=[8]",
+        "network.layers=[8, 8]",
         "algorithm.options={n_steps = 32, batch_size = 64, n_epochs = 1}",
     ),
 )
