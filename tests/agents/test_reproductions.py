@@ -104,6 +104,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
         "park-gate",
         "report-a-parking-aids",
         "report-a-scenario-1",
+        "report-a-transfer",
         "report-b-algorithms",
         "report-b-observations",
         "report-b-time-trial",
