@@ -155,7 +155,8 @@ REPRODUCTION = Reproduction(
         "parked goals are poses in which the kart stood, where it did.",
         "It takes two lessons for each decision. For the level goal its learning rate falls "
         "evenly to a tenth: with one lesson seed 1 came to 96.9 % so, and to 90.5 % with a rate "
-        "that stays. For the level parked it stays: falling, seed 1 came to 53.5 % in place of 75.4.",
+        "that stays. For the level parked it stays: falling, seed 1 came to 53.5 % in place of "
+        "75.4.",
         "On `parking-v0` SAC with hindsight is Stable-Baselines3's, with the same sizes, one "
         "lesson for each decision and a rate that stays. An earlier run of ours with 3 × 256 and "
         "batches of 512 came to 32 % at 15 000, 72 % at 25 000 and 80 % at 35 000 decisions in "
