@@ -22,7 +22,8 @@ def stack_of(layers: list[Layer], rows: int, *, halves: bool) -> Stack:
 
 def has_units() -> bool:
     """Return whether this processor multiplies numbers of bfloat16 (AMX, AVX512-BF16)."""
-    return bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
+    ask = getattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported", None)
+    return ask is not None and bool(ask())  # not all builds of PyTorch have it
 
 
 class HalfStack(Stack):
@@ -37,7 +38,6 @@ class HalfStack(Stack):
         # What lies behind each layer but the last, and the gradients of the loss by it.
         self._behind = [_half(rows, len(layer.bias)) for layer in layers[:-1]]
         self._above = [_half(rows, len(layer.bias)) for layer in layers[:-1]]
-
         self.renew()
 
     def renew(self) -> None:
