@@ -42,7 +42,7 @@ class FastPpo(PPO):
         """Take SB3's options.
 
         threads: that learn from one minibatch together: two teach actor and critic, four do so for
-        each half of it, and so on; halves: wide products are of bfloat16.
+        each half of it, and so on; halves: inner products are of bfloat16.
         """
         # These threads are all: a product of matrices must not ask for more.
         threadpool_limits(1, "blas")

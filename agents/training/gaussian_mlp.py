@@ -79,7 +79,7 @@ class GaussianMlp:
     def __init__(
         self, actor: list[Layer], critic: list[Layer], rows: int, *, halves: bool = False
     ) -> None:
-        """Make room for up to n rows. halves: wide products are of bfloat16."""
+        """Make room for up to n rows. halves: inner products are of bfloat16."""
         self.actor = stack_of(actor, rows, halves=halves)
         self.critic = stack_of(critic, rows, halves=halves)
         self.spread_gradient = np.zeros(len(actor[-1].bias), np.float32)

@@ -78,7 +78,7 @@ class HalfStack(Stack):
         errors = self._errors[-1][:count]
         np.dot(error, self.layers[-1].weight, out=errors)
         above = self._above[-1][:count].copy_(torch.from_numpy(errors))
-        self._unbend(above, -1)
+        self._unbend(above, len(self.layers) - 2)
         for place in reversed(range(1, len(self.layers) - 1)):
             slopes, (weight, bias) = self._slopes[place - 1], self.gradients[place]
             torch.mm(above.t(), self._behind[place - 1][:count], out=slopes)
@@ -96,7 +96,7 @@ class HalfStack(Stack):
     def _unbend(self, above: torch.Tensor, place: int) -> None:
         """Multiply gradients behind a layer by the slope of its bend."""
         behind = self._behind[place][: len(above)]
-        if self.layers[:-1][place].bends == "tanh":
+        if self.layers[place].bends == "tanh":
             torch.ops.aten.tanh_backward(above, behind, grad_input=above)
         else:
             torch.ops.aten.threshold_backward(above, behind, 0, grad_input=above)
