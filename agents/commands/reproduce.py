@@ -132,7 +132,9 @@ def _show(outcome: "ReproductionResult", *, quick: bool) -> None:
     title = f"{plan.title}\n{scale_words(outcome.scale, outcome.lines, quick=quick)}"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     heads = heads_of(plan)
-    texts = [texts_of(plan, line, base, outcome.scale.seeds) for line in outcome.lines]
+    texts = [
+        texts_of(plan, line, base, plan.runs_of(line.row, outcome.scale)) for line in outcome.lines
+    ]
     # Texts of the report would leave no room for figures.
     shown = [number for number, head in enumerate(heads) if not head.endswith(WORDY)]
     for number in shown:

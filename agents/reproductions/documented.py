@@ -153,13 +153,12 @@ def _learned(
     learner = make(VecMonitor(cars, info_keywords=("is_success",)))
     watch = Watch(settings, budget, tell)
     learner.learn(budget.steps_left, callback=watch)
-    learning_s = watch.cpu_s
     cars.close()
     figures = _examined(make_example(environment, config), learner, starts)
     spent = {
-        "learning_cpu_s": learning_s,
+        "learning_cpu_s": watch.cpu_s,
         "learning_return": mean_return(watch.curve),
-        "decisions_a_second": budget.done / learning_s,
+        "decisions_a_second": budget.done / watch.cpu_s,
     }
     share = "share that succeeds"
     over_time = [(at, value) for at, (_, value) in zip(watch.cpu_times, watch.curve, strict=True)]

@@ -161,6 +161,14 @@ class Reproduction:
     assumptions: tuple[str, ...] = ()  # what the report does not say, and what is different here
     base: str = ""  # a row that all others are compared with
 
+    def runs_of(self, row: Variant, scale: TrainingScale) -> int:
+        """Return the number of runs of a row: one where nothing is learned, as all are equal."""
+        return scale.seeds if row.steps_share else min(scale.seeds, 1)
+
+    def runs_wanted(self, scale: TrainingScale) -> int:
+        """Return the number of runs of all rows."""
+        return sum(self.runs_of(row, scale) for row in self.rows)
+
     def rows_named(self, text: str) -> tuple[str, ...]:
         """Return the names of the rows of a comma-separated list.
 

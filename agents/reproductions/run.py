@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from race_agents.reproductions.training import (
 )
 from race_agents.training.folder import versions
 from race_agents.training.worker_pool import worker_pool
-from race_server.errors import ScenarioError
+from race_server.errors import RaceError, ScenarioError
 from race_server.kept_file import write_together
 
 CELLS, TABLE, FIGURES, PLOT = "cells", "README.md", "table.json", "plot.png"
@@ -69,7 +70,7 @@ def reproduce(
 
     Raises:
         RaceError: there is no such row or seed, the settings make no training, or the folder
-            cannot be written.
+            cannot be written. Where a training fails, those after it are run first.
     """
     scale = plan.quick if quick else plan.full
     trainings = trainings_of(plan, scale)
@@ -83,9 +84,13 @@ def reproduce(
     outcomes = [outcome for outcome in known if outcome is not None]
     there = {(outcome["row"], outcome["seed"]) for outcome in outcomes}
     missing = [training for training in wanted if (training.row.name, training.seed) not in there]
+    failed: list[ScenarioError] = []
     done, stopped = len(wanted) - len(missing), False
     try:
         for training, outcome in _driven(missing, jobs, _telling(tell, done, len(wanted))):
+            if isinstance(outcome, RaceError):
+                failed.append(ScenarioError(f"{_name(training)}: {outcome}"))
+                continue
             write_outcome(_path(store, training), outcome)
             outcomes.append(outcome)
             done += 1
@@ -93,7 +98,9 @@ def reproduce(
     except KeyboardInterrupt:
         stopped = True
     lines = lines_of(plan, outcomes)
-    document = _write(name, plan, scale, place, lines, quick=quick)
+    document = _write(name, plan, scale, place, lines, outcomes, quick=quick)
+    if failed and not stopped:
+        raise failed[0]
     return ReproductionResult(plan, scale, lines, document, stopped)
 
 
@@ -116,8 +123,8 @@ def _wanted(
 
 def _driven(
     trainings: list[Training], jobs: int, tell: Callable[[int, Training, float], None]
-) -> Iterator[tuple[Training, dict[str, Any]]]:
-    """Yield trainings with their outcomes as they finish."""
+) -> Iterator[tuple[Training, dict[str, Any] | RaceError]]:
+    """Yield trainings with their outcomes, or why there is none, as they finish."""
     if jobs == 1:
         for number, training in enumerate(trainings):
 
@@ -125,18 +132,25 @@ def _driven(
                 tell(number, training, share)
 
             on_share(0.0)
-            yield training, run_training(training, on_share)
+            yield training, _outcome(partial(run_training, training, on_share))
         return
     with worker_pool(jobs) as pool:
         waiting = {pool.submit(run_training, training): training for training in trainings}
         try:
             for future in as_completed(waiting):
-                yield waiting[future], future.result()
+                yield waiting[future], _outcome(future.result)
         except BrokenProcessPool as error:
             raise ScenarioError(
                 "the process of a training died; the same command continues, fewer --jobs need "
                 "less memory"
             ) from error
+
+
+def _outcome(run: Callable[[], dict[str, Any]]) -> dict[str, Any] | RaceError:
+    try:
+        return run()
+    except RaceError as error:
+        return error
 
 
 def _telling(tell: Tell, known: int, trainings: int) -> Callable[[int, Training, float], None]:
@@ -160,12 +174,14 @@ def _write(
     scale: TrainingScale,
     place: Path,
     lines: list[VariantSummary],
+    outcomes: list[dict[str, Any]],
     *,
     quick: bool,
 ) -> dict[str, Any]:
     """Write table and plot; return the table as a document."""
     command = f"race reproduce {name}{' --quick' if quick else ''}"
-    known = versions()
+    seeds = sorted({outcome["seed"] for outcome in outcomes})
+    known = _versions(outcomes)
     document = {
         "name": name,
         "title": plan.title,
@@ -173,18 +189,18 @@ def _write(
         "quick": quick,
         "command": command,
         "steps": scale.steps,
-        "seeds": list(range(1, scale.seeds + 1)),
+        "seeds": seeds,
         "rows": [_row(plan, line) for line in lines],
         "missing": [row.name for row in plan.rows if row.name not in _names(lines)],
         "runs": sum(line.runs for line in lines),
-        "runs_wanted": scale.seeds * len(plan.rows),
+        "runs_wanted": plan.runs_wanted(scale),
         "remarks": remarks_on(plan, lines),
         "assumptions": list(plan.assumptions),
         "versions": known,
     }
     words = {
         "Made by": f"`{command}`",
-        "Seeds": ", ".join(str(seed) for seed in range(1, scale.seeds + 1)),
+        "Seeds": ", ".join(map(str, seeds)),
         "Versions": ", ".join(f"{package} {version}" for package, version in known.items()),
         "Picture": f"![learning, and ours beside theirs]({PLOT})",
     }
@@ -194,6 +210,19 @@ def _write(
     if lines:
         draw(place / PLOT, plan, lines, scale_words(scale, lines, quick=quick))
     return document
+
+
+def _versions(outcomes: list[dict[str, Any]]) -> dict[str, str]:
+    """Return the versions of packages that the trainings ran with, several if they differ.
+
+    Outcomes of earlier commits do not tell theirs.
+    """
+    told = [outcome["versions"] for outcome in outcomes if "versions" in outcome] or [versions()]
+    packages = dict.fromkeys(package for one in told for package in one)
+    return {
+        package: " and ".join(dict.fromkeys(one[package] for one in told if package in one))
+        for package in packages
+    }
 
 
 def _names(lines: list[VariantSummary]) -> set[str]:

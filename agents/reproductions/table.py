@@ -6,7 +6,10 @@ from race_agents.reproductions.plan import Column, Reproduction, TrainingScale
 from race_agents.reproductions.summary import VariantSummary, remarks_on
 
 NOTHING = "–"
-BOUNDS_WORDS = "In square brackets: the interval of 95 % (Wilson) over all starts of all runs."
+BOUNDS_WORDS = (
+    "In square brackets: the interval of 95 % (Wilson) over all starts of all runs. It says how "
+    "exactly the exam knows these runs, not how far others would differ."
+)
 
 
 def heads_of(plan: Reproduction) -> list[str]:
@@ -16,15 +19,15 @@ def heads_of(plan: Reproduction) -> list[str]:
 
 
 def texts_of(
-    plan: Reproduction, line: VariantSummary, base: VariantSummary | None, seeds: int
+    plan: Reproduction, line: VariantSummary, base: VariantSummary | None, wanted: int
 ) -> list[str]:
     """Return the texts of a line, one for each head.
 
-    base: the line that differences are given to; seeds: number of runs wanted for the mean.
+    base: the line that differences are given to; wanted: number of runs for the mean.
     """
     theirs = line.row.theirs or (NOTHING,) * len(plan.their_heads)
     ours = [_figure(column, line, base) for column in plan.columns]
-    runs = f"{line.runs}" if line.runs == seeds else f"{line.runs} of {seeds}"
+    runs = f"{line.runs}" if line.runs == wanted else f"{line.runs} of {wanted}"
     return [line.row.name, *theirs, *ours, runs]
 
 
@@ -48,17 +51,20 @@ def _figure(column: Column, line: VariantSummary, base: VariantSummary | None) -
 
 def scale_words(scale: TrainingScale, lines: Sequence[VariantSummary], *, quick: bool) -> str:
     """Return a text on the amount of training."""
-    counts = [line.runs for line in lines] or [scale.seeds]
-    least, most = min(counts), max(counts)
-    count = f"{most}" if least == most else f"{least} to {most}"
-    runs = "1 run" if most == 1 else f"mean ± deviation of {count} runs"
-    words = f"{scale.steps} decisions, {runs}"
+    runs = [line.runs for line in lines] or [scale.seeds]
+    count = "1 run" if max(runs) == 1 else f"mean ± deviation of {_range(runs)} runs"
+    words = f"{_range([line.steps for line in lines] or [scale.steps])} decisions, {count}"
     return f"QUICK: {words}; too few to judge by" if quick else words
+
+
+def _range(numbers: Sequence[int]) -> str:
+    least, most = min(numbers), max(numbers)
+    return f"{most}" if least == most else f"{least} to {most}"
 
 
 def partial_words(plan: Reproduction, scale: TrainingScale, lines: Sequence[VariantSummary]) -> str:
     """Return a sentence on missing runs, "" if there are none."""
-    runs, wanted = sum(line.runs for line in lines), scale.seeds * len(plan.rows)
+    runs, wanted = sum(line.runs for line in lines), plan.runs_wanted(scale)
     if runs == wanted:
         return ""
     known = {line.row.name for line in lines}
@@ -77,7 +83,10 @@ def page(
 ) -> str:
     """Return the page. words: facts to end with, such as the command and the versions."""
     base = base_of(plan, lines)
-    rows = [heads_of(plan), *(texts_of(plan, line, base, scale.seeds) for line in lines)]
+    rows = [
+        heads_of(plan),
+        *(texts_of(plan, line, base, plan.runs_of(line.row, scale)) for line in lines),
+    ]
     table = ["| " + " | ".join(row) + " |" for row in rows]
     table.insert(1, "|" + "---|" * len(rows[0]))
     parts = [

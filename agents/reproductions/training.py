@@ -22,6 +22,7 @@ from race_agents.reproductions.watch import Watch, mean_return, reached_at, sett
 from race_agents.reproductions.world import actions_of, world_of
 from race_agents.training.budget import Budget
 from race_agents.training.companion_callbacks import callbacks_beside
+from race_agents.training.folder import versions
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Settings
 from race_agents.training.settings_toml import as_toml, read_settings
@@ -68,7 +69,10 @@ def trainings_of(plan: Reproduction, scale: TrainingScale) -> list[Training]:
         ScenarioError: the settings are not valid.
     """
     return [
-        _training(plan, scale, row, seed) for seed in range(1, scale.seeds + 1) for row in plan.rows
+        _training(plan, scale, row, seed)
+        for seed in range(1, scale.seeds + 1)
+        for row in plan.rows
+        if seed <= plan.runs_of(row, scale)
     ]
 
 
@@ -121,6 +125,7 @@ def run_training(training: Training, tell: Tell = lambda _: None) -> dict[str, A
         "seed": training.seed,
         "key": training.key,
         "steps": found.steps,
+        "versions": versions(),
         "figures": found.figures,
         "curve": found.curve,
         "curves": found.curves,
@@ -139,7 +144,6 @@ def _learned(training: Training, tell: Tell) -> Learned:
         watch = Watch(settings, budget, tell)
         callbacks = [watch, *callbacks_beside(settings, world, budget)]
         learner.learn(budget.steps_left, callback=callbacks)
-    learning_s = watch.cpu_s
     world.close()
 
     def decide(seen: Any) -> Any:
@@ -147,7 +151,7 @@ def _learned(training: Training, tell: Tell) -> Learned:
         return actions_of(training.row.twist, answers)
 
     figures = _figures(training, decide)
-    figures["learning_cpu_s"] = learning_s
+    figures["learning_cpu_s"] = watch.cpu_s
     figures["learning_return"] = mean_return(watch.curve)
     if training.settings.parks:
         figures["settled_cpu_s"] = settled_at(watch.curve, watch.cpu_times)

@@ -63,13 +63,17 @@ class Watch(BaseCallback):
         self.cpu_times: list[float] = []  # [s] at each point of the curve
         self._figure = "is_success" if settings.parks else "r"
         self._begun = time.process_time()
+        self._took: float | None = None  # [s], once the training is over
         self._points = 0
         self._tell = tell
 
     @property
     def cpu_s(self) -> float:
-        """Processor time so far [s]."""
-        return time.process_time() - self._begun
+        """Processor time of the training so far [s]; what comes after its end does not count."""
+        return time.process_time() - self._begun if self._took is None else self._took
+
+    def _on_training_end(self) -> None:
+        self._took = self.cpu_s
 
     def _mean(self, figure: str) -> float:
         return float(np.mean([row[figure] for row in self.model.ep_info_buffer or ()]))

@@ -86,10 +86,10 @@ class FastPpo(PPO):
         networks = self._networks()
         if not networks:
             return super().collect_rollouts(env, callback, rollout_buffer, n_rollout_steps)
-        seen: Any = self._last_obs
         self.policy.set_training_mode(False)
         rollout_buffer.reset()
         callback.on_rollout_start()
+        seen: Any = self._last_obs  # a callback may have begun other races
         networks[0].renew()  # after what else may have taught them
         space: Any = self.action_space
         dones: Any = None

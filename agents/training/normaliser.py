@@ -34,7 +34,12 @@ class Normaliser(VecNormalize):
         self.stretch: NDArray[np.float64] | None = None  # (size, size)
 
     def normalize_obs(self, obs: Any) -> Any:
-        """Return observations (n, size) as a network takes them, with mean 0 and variance 1."""
+        """Return observations (n, size) as a network takes them, with mean 0 and variance 1.
+
+        Without `norm_obs` a network takes them as they are.
+        """
+        if not self.norm_obs:
+            return self.view(obs).astype(np.float32)
         means: Any = self.obs_rms
         rows = self._normalize_obs(self.view(obs), means)
         return (rows if self.stretch is None else rows @ self.stretch).astype(np.float32)
@@ -44,6 +49,8 @@ class Normaliser(VecNormalize):
 
         SAC, TD3 and DQN store the last observations of episodes by it.
         """
+        if not self.norm_obs:
+            return self.view.undone(obs)
         means: Any = self.obs_rms
         rows = obs if self.stretch is None else obs @ np.linalg.inv(self.stretch)
         return self.view.undone(self._unnormalize_obs(rows, means))

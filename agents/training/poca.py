@@ -96,12 +96,13 @@ class Poca(PPO):
     ) -> bool:
         """Fill the rollout; return False if the callback ended the training."""
         world: Any = env
-        rollout, seen = _group(rollout_buffer), self._last_obs
-        assert isinstance(seen, np.ndarray)
-        assert self._last_episode_starts is not None
+        rollout = _group(rollout_buffer)
         self.policy.set_training_mode(False)
         rollout.reset()
         callback.on_rollout_start()
+        seen = self._last_obs  # a callback may have begun other rounds
+        assert isinstance(seen, np.ndarray)
+        assert self._last_episode_starts is not None
         if self._last_episode_starts.all():
             rollout.begin(world.active)
         for _ in range(n_rollout_steps):

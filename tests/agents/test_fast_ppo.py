@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 
 from race_agents.training.fast_ppo import FastPpo
 from race_agents.training.gaussian_mlp import layers_of
@@ -52,6 +53,26 @@ def test_three_rollouts_leave_the_parameters_of_the_reference(
         way, apart = (one - begun).abs().max().item(), (one - other).abs().max().item()
         assert apart < 0.02 * way
     assert fast.logger.name_to_value.keys() == reference.logger.name_to_value.keys()
+
+
+@pytest.mark.parametrize("kind", [PPO, FastPpo])
+def test_after_a_callback_has_begun_other_races_it_decides_on_what_is_seen_there(
+    kind: type[PPO],
+) -> None:
+    class Elsewhere(BaseCallback):
+        def _on_rollout_start(self) -> None:
+            self.model._last_obs = np.full_like(self.model._last_obs, 0.25)
+
+        def _on_step(self) -> bool:
+            return True
+
+    karts = KartVecEnv(ring_task(1, observation="radar"), worlds=2, seed=1)
+    learner = kind("MlpPolicy", karts, **{**OPTIONS, "n_steps": 4, "batch_size": 8})
+    learner.learn(8, callback=Elsewhere())
+    seen = np.asarray(learner.rollout_buffer.observations).reshape(2, 4, -1)  # (world, step, …)
+    assert np.all(seen[:, 0] == 0.25)
+    assert not np.any(np.all(seen[:, 1] == 0.25, axis=-1))
+    karts.close()
 
 
 def test_with_halves_its_parameters_go_the_same_way() -> None:

@@ -59,6 +59,14 @@ def test_what_is_normalised_can_be_taken_back(normaliser: Normaliser) -> None:
     assert normaliser.unnormalize_obs(normaliser.normalize_obs(seen)) == pytest.approx(seen, 1e-6)
 
 
+def test_without_normalisation_14_m_stay_14_m(normaliser: Normaliser) -> None:
+    normaliser.norm_obs = False
+    seen = np.array([[14.0, -25.0, 0.0]])
+
+    assert normaliser.normalize_obs(seen).tolist() == seen.tolist()
+    assert normaliser.unnormalize_obs(seen).tolist() == seen.tolist()
+
+
 def test_imitation_scales_as_reinforcement_does(normaliser: Normaliser) -> None:
     seen = np.array([[1.5, 0.8, -1.0]], np.float32)
 

@@ -21,12 +21,13 @@ from race_agents.reproductions.training import (
     trainings_of,
     write_outcome,
 )
-from race_agents.reproductions.watch import mean_return
+from race_agents.reproductions.watch import Watch, mean_return
 from race_agents.reproductions.world import CHOICES, actions_of
+from race_agents.training.budget import Budget
 from race_agents.training.learner import learner_of
 from race_agents.training.settings import Goal, Tracks
 from race_server.envs.racing.reward_terms import REWARDS
-from race_server.errors import ScenarioError
+from race_server.errors import ScenarioError, TrackError
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 TINY = TrainingScale(
@@ -91,7 +92,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
     plan = reproduction_named(name)
     for scale in (plan.full, plan.quick):
         trainings = trainings_of(plan, scale)
-        assert len(trainings) == len(plan.rows) * scale.seeds
+        assert len(trainings) == plan.runs_wanted(scale)
         assert len({training.key for training in trainings}) == len(trainings)
     assert all(len(row.theirs) in (0, len(plan.their_heads)) for row in plan.rows)
     assert len({row.name for row in plan.rows}) == len(plan.rows)
@@ -186,7 +187,7 @@ def test_a_quick_page_says_so_and_names_what_is_assumed() -> None:
     plan = reproduction_named("report-b-algorithms")
     lines = lines_of(plan, [outcome("PPO", 1)])
     text = page(plan, plan.quick, lines, {"Made by": "`it`"}, quick=True)
-    assert "QUICK: 6144 decisions" in text
+    assert "QUICK: 100 decisions, 1 run" in text
     assert "So far 1 of 8 runs are there; a row says of how many it is the mean" in text
     assert "none of: DQN; SAC; as printed: PPO, never slower." in text
     assert "| PPO | 3.86 | converges fastest | 1.00 |" in text
@@ -264,6 +265,52 @@ def test_only_the_rows_and_seeds_that_are_wanted_are_driven(
     assert "mean ± deviation of 2 to 3 runs" in (tmp_path / run.TABLE).read_text()
     with pytest.raises(ScenarioError, match="--seeds 4: each row has 3"):
         run.reproduce("it", plan, tmp_path, quick=True, seeds=4)
+
+
+def test_a_row_that_learns_nothing_is_run_once() -> None:
+    plan = tiny((Variant("learns"), Variant("bundled", steps_share=0.0)))
+    scale = replace(TINY, seeds=3)
+    runs = [(one.row.name, one.seed) for one in trainings_of(plan, scale)]
+    assert runs == [("learns", 1), ("bundled", 1), ("learns", 2), ("learns", 3)]
+    assert plan.runs_wanted(scale) == 4
+
+
+def test_after_a_training_that_fails_the_others_are_run_and_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(training: Training, _: Any) -> dict[str, Any]:
+        if training.row.name == "two":
+            raise TrackError("highway-env is not installed")
+        return {**outcome(training.row.name, training.seed), "key": training.key}
+
+    monkeypatch.setattr(run, "run_training", drive)
+    plan = replace(tiny((Variant("one"), Variant("two"), Variant("three"))), their_heads=())
+    with pytest.raises(ScenarioError, match=r"^two, seed 1: highway-env is not installed$"):
+        run.reproduce("it", plan, tmp_path, quick=True)
+    document = json.loads((tmp_path / run.FIGURES).read_text())
+    assert [row["name"] for row in document["rows"]] == ["one", "three"]
+
+
+def test_a_table_names_the_versions_that_its_runs_were_made_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drive(training: Training, _: Any) -> dict[str, Any]:
+        told = {"versions": {"python": "3.11.2", "torch": f"2.{training.seed}"}}
+        return {**outcome("one", training.seed), "key": training.key, **told}
+
+    monkeypatch.setattr(run, "run_training", drive)
+    plan = replace(tiny((Variant("one"),)), quick=replace(TINY, seeds=2), their_heads=())
+    done = run.reproduce("it", plan, tmp_path, quick=True)
+    assert done.document["versions"] == {"python": "3.11.2", "torch": "2.1 and 2.2"}
+
+
+def test_the_clock_of_a_training_stops_at_its_end() -> None:
+    training = trainings_of(tiny((Variant("one"),)), TINY)[0]
+    watch = Watch(training.settings, Budget.of(training.settings), lambda _: None)
+    watch.on_training_end()
+    took = watch.cpu_s
+    sum(range(1_000_000))
+    assert watch.cpu_s == took > 0.0
 
 
 def test_rows_are_found_by_names_with_commas_and_by_their_beginnings() -> None:

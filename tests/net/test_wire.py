@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from race_server.core.alert import Alert
 from race_server.core.messages import Button, Control, Flag, Phase, Pose, Source, Standing
 from race_server.core.telemetry import Telemetry
-from race_server.core.vehicle_presets import LORRY, TT02
 from race_server.errors import SeatError, WireError
 from race_server.net.wire import (
     admin,
@@ -21,7 +20,6 @@ from race_server.net.wire import (
     line,
     links,
     lobby,
-    parking,
     peer,
     rays,
     spectate,
@@ -29,7 +27,6 @@ from race_server.net.wire import (
 )
 from race_server.net.wire import alert as alerts
 from race_server.net.wire import pose as poses
-from race_server.net.wire.strict import root_of
 from support.messages import (
     COURSE,
     EVENTS,
@@ -37,8 +34,6 @@ from support.messages import (
     HUD,
     LINE,
     LINKS,
-    LOT,
-    ORDER,
     PARKED,
     PEER,
     RAYS,
@@ -46,7 +41,7 @@ from support.messages import (
     TELEMETRY,
     TIMED,
     WELCOME,
-    lot_snapshot,
+    same,
     snapshot,
 )
 from support.rays import decode_rays
@@ -231,13 +226,6 @@ def test_a_writer_of_heads_up_data_writes_one_frame_after_the_other_as_the_gener
         assert same(drive.decode_hud(data), frame)
 
 
-def same(one: object, other: object) -> bool:
-    """Return whether two sheets hold the same, arrays included."""
-    return all(
-        np.array_equal(getattr(one, part.name), getattr(other, part.name)) for part in fields(one)
-    )
-
-
 def test_a_course_comes_back_as_it_was_sent() -> None:
     assert same(lobby.decode_course(lobby.encode_course(COURSE)), COURSE)
 
@@ -267,82 +255,6 @@ def test_links_come_back_as_they_were_sent() -> None:
     assert back.links.tolist() == LINKS.links.tolist()
 
 
-def test_a_round_in_a_car_park_comes_back_as_it_was_sent() -> None:
-    back = parking.decode_lot(parking.encode_lot(LOT))
-    assert (back.epoch, back.tick) == (2, 600)
-    assert back.goals.tolist() == LOT.goals.tolist()
-    assert back.blocks.tolist() == [(5.0, 2.0, 0.5, 1.5, 1.0, 2, bytes(3))]
-    ((seat, points),) = [(way.seat, way.points.tolist()) for way in back.ways]
-    assert (seat, points) == (3, [[0.0, 1.0], [2.0, 1.5], [4.0, 2.0]])
-
-
-def test_a_round_in_which_no_way_is_planned_is_written_as_before_there_were_any() -> None:
-    data = parking.encode_lot(replace(LOT, ways=()))
-    assert parking.decode_lot(data).ways == ()
-    assert root_of(data, b"RLOT", 1 << 17).field(4, 4) == 0
-
-
-def test_a_way_with_half_a_point_or_too_many_is_refused() -> None:
-    for points in (np.zeros((1, 3)), np.zeros((300, 2))):
-        way = parking.WayFrame(0, points)
-        with pytest.raises(WireError):
-            parking.decode_lot(parking.encode_lot(replace(LOT, ways=(way,))))
-
-
-def same_order(one: parking.OrderFrame, other: parking.OrderFrame) -> bool:
-    numbers = (one.epoch, one.sequence) == (other.epoch, other.sequence)
-    return numbers and same(one.order, other.order)
-
-
-def test_an_order_to_park_comes_back_as_it_was_sent_alone_and_in_a_briefing() -> None:
-    assert same_order(parking.decode_order(parking.encode_order(ORDER)), ORDER)
-    welcome = lobby.decode_welcome(lobby.encode_welcome(replace(WELCOME, order=ORDER)))
-    assert welcome.order is not None
-    assert same_order(welcome.order, ORDER)
-    assert lobby.decode_welcome(lobby.encode_welcome(WELCOME)).order is None
-
-
-def test_what_an_order_asks_of_trailers_comes_back_as_it_was_sent() -> None:
-    level = replace(ORDER.order.level, hitch=0.25, last=True)
-    frame = replace(ORDER, order=replace(ORDER.order, level=level))
-    assert parking.decode_order(parking.encode_order(frame)).order.level == level
-
-
-def test_trailers_come_back_as_they_were_sent() -> None:
-    rows = np.zeros(2, parking.TRAILER)
-    for number, name in enumerate(parking.TRAILER_NAMES):
-        rows[name] = np.arange(2) + number
-    frame = replace(snapshot(), trailers=rows)
-    writer = spectate.SnapshotWriter()
-    for _ in range(2):
-        assert spectate.decode_snapshot(writer.write(frame)).trailers.tolist() == rows.tolist()
-
-
-def test_a_briefing_tells_of_trailers_and_feelers() -> None:
-    for vehicle in (LORRY, TT02):
-        briefing = replace(WELCOME.briefing, vehicle=vehicle)
-        back = lobby.decode_welcome(lobby.encode_welcome(replace(WELCOME, briefing=briefing)))
-        assert back.briefing.vehicle == vehicle
-
-
-def test_an_order_whose_walls_are_not_whole_or_not_finite_is_refused() -> None:
-    for walls, why in ((np.ones(7), "rows have 4"), (np.array([[np.nan] * 4]), "not finite")):
-        bad = replace(ORDER, order=replace(ORDER.order, walls=walls))
-        with pytest.raises(WireError, match=why):
-            parking.decode_order(parking.encode_order(bad))
-
-
-def test_people_and_figures_of_parking_come_back_as_they_were_sent() -> None:
-    frame = lot_snapshot()
-    writer = spectate.SnapshotWriter()
-    assert spectate.decode_snapshot(writer.write(snapshot())).walkers.tolist() == []
-    back = spectate.decode_snapshot(writer.write(frame))
-    assert back.walkers.tolist() == frame.walkers.tolist()
-    assert back.trailers.tolist() == []
-    table = replace(STANDINGS, rows=(PARKED,))
-    assert spectate.decode_standings(spectate.encode_standings(table)).rows == (PARKED,)
-
-
 def test_the_timing_of_a_kart_comes_back_as_it_was_sent() -> None:
     table = replace(STANDINGS, rows=(TIMED, *STANDINGS.rows))
     assert spectate.decode_standings(spectate.encode_standings(table)) == table
@@ -359,11 +271,6 @@ def test_an_unknown_colour_of_a_sector_is_damage() -> None:
 def test_a_row_of_standings_comes_back_from_plain_data() -> None:
     for row in (*STANDINGS.rows, PARKED, TIMED):
         assert Standing.of_json(json.loads(json.dumps(row.as_json()))) == row
-
-
-def test_slots_of_a_car_park_come_with_its_course() -> None:
-    lot = replace(COURSE, slots=np.array([[1.0, 2.0, 0.5, 3.0, 2.0]]))
-    assert same(lobby.decode_course(lobby.encode_course(lot)), lot)
 
 
 def test_rays_come_back_as_they_were_sent() -> None:

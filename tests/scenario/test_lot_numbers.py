@@ -6,18 +6,15 @@ from pathlib import Path
 import pytest
 
 from race_server.errors import LotError, ScenarioError
-from race_server.scenario.lot.load import load_lot
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.track.lot import Lot
-from support.lots import ONE_BAY
+from support.lots import ONE_BAY, load_text
 
 BASE = f"{ONE_BAY}[taken]\nshare = 0.5\n"
 
 
 def lot_of(tmp_path: Path, before: str, behind: str = "") -> Lot:
-    path = tmp_path / "lot.toml"
-    path.write_text(f"{before}\n{BASE}{behind}\n")
-    lot = load_lot(str(path)).lot
+    lot = load_text(tmp_path, f"{before}\n{BASE}{behind}\n").lot
     assert lot is not None
     return lot
 
@@ -41,9 +38,7 @@ def test_what_is_parked_may_fill_its_slot(tmp_path: Path) -> None:
 
 
 def test_where_nothing_is_parked_its_size_does_not_matter(tmp_path: Path) -> None:
-    path = tmp_path / "lot.toml"
-    path.write_text(BASE.replace("share = 0.5", "width = 19"))
-    assert load_lot(str(path)).digest
+    assert load_text(tmp_path, BASE.replace("share = 0.5", "width = 19")).digest
 
 
 @pytest.mark.parametrize("pair", ["[50, 10]", "[10, 10]", "[-10, 50]", "[-10, 0]", "[0, -5]"])

@@ -1,6 +1,7 @@
 """Small car parks for tests, made without a file."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from race_server.core.step import advance
 from race_server.core.vehicle_presets import KART_13
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.level import level_named
+from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.site import course_of_lot
 from race_server.scenario.parking import LOT_RULES
 from race_server.scenario.race import Scenario, make_world
@@ -35,6 +37,13 @@ y = [5, 15]
 """
 
 AHEAD = KART_13.box_offset  # [m] from the centre of gravity to the middle of the body
+
+
+def load_text(folder: Path, text: str) -> Course:
+    """Return the car park of a file with this text, called `lot.toml`."""
+    path = folder / "lot.toml"
+    path.write_text(text)
+    return load_lot(str(path))
 
 
 def one_slot(length: float = 3.0, width: float = 2.0, people: int = 0) -> Course:

@@ -1,6 +1,6 @@
 """One message of each kind, with numbers that can be told apart."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -174,3 +174,10 @@ _STEPS = np.arange(4, dtype=np.float32)
 GHOST = ghosts.GhostFrame(
     "Bert", 1, True, False, 3_000_000, _STEPS, 2.0 * _STEPS, -_STEPS, 5.0 * _STEPS
 )
+
+
+def same(one: object, other: object) -> bool:
+    """Return whether two sheets hold the same, arrays included."""
+    return all(
+        np.array_equal(getattr(one, part.name), getattr(other, part.name)) for part in fields(one)
+    )
