@@ -94,11 +94,16 @@ class Chauffeur:
         later = move_on(cockpit, now, delay)
         if self._vehicle.trailers:
             angle = angle_later(cockpit, now, angle, delay)
+        stop = Command(now.steering / self._vehicle.steering_limit, 0.0, 1.0)
+        if self._passage is not None and not self._passage.is_open:
+            # It has just been parked, or is out, and does not observe so before the next tick.
+            self._give_way_up()
+            return stop
         if self._way is None:
             self._wait_s = max(self._wait_s - self._step_s, 0.0)
             moves = abs(now.speed) > STANDING or abs(later.speed) > STANDING
             if moves or not self._may_plan():
-                return Command(now.steering / self._vehicle.steering_limit, 0.0, 1.0)
+                return stop
             self._plan(later, angle, points[:seen])
         if self._way is None:
             return HOLD

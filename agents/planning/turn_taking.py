@@ -43,6 +43,11 @@ class Passage:
         """Announce the way; False where it would block others."""
         return self._traffic.announce(self._number, self._boxes)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it is still announced: what is parked or out has no way left."""
+        return self._traffic.has_way(self._number)
+
     def close(self) -> None:
         """Let others know that this way is not driven any more."""
         self._traffic.withdraw(self._number)

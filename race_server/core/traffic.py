@@ -18,6 +18,7 @@ import numpy as np
 
 from race_server.core import codes
 from race_server.core.box_rows import Bools, boxes_of, listed, meeting, touching
+from race_server.core.driven import are_driven
 from race_server.core.state import Floats, Ints, World
 
 # Two bodies come nearer than this on their ways [m]: they meet. Each is off its way by a few
@@ -93,12 +94,12 @@ class Traffic:
         self._planned = False
 
     def watch(self, world: World, w: int) -> None:
-        """Take the places of all vehicles of a world; one that is parked or out has no way left."""
+        """Take the places of all vehicles of a world; one that is not driven has no way left."""
         bodies, vehicles = world.bodies[w], world.vehicles[w]
         self.boxes = boxes_of(bodies, vehicles)
         self.speeds[:] = bodies["speed"]
         self.is_there[:] = bodies["status"] != codes.ABSENT
-        drives = bodies["status"] == codes.RACING
+        drives = are_driven(world, w)
         self.changes += int((drives != self.is_on_its_way).any())
         self.is_on_its_way[:] = drives
         for number in [number for number in self._ways if not drives[number]]:
@@ -200,6 +201,10 @@ class Traffic:
         self._state += 1
         for pair in [pair for pair in self._meets if number in pair]:
             del self._meets[pair], self._will_meet[pair]
+
+    def has_way(self, number: int) -> bool:
+        """Return whether a vehicle has a way that is announced."""
+        return number in self._ways
 
     def clear(self, number: int, passed: int) -> int:
         """Return the number of the place that a vehicle may drive to.

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from race_server.core.driven import are_driven
 from race_server.core.messages import Button, Control
 from race_server.core.state import Float32s, Floats, World
 from race_server.scenario.race import Scenario
@@ -13,7 +14,6 @@ from race_server.session.failsafe import (
     grace_of,
 )
 from race_server.session.journal_entries import Inputs
-from race_server.session.parking import are_driven
 from race_server.session.seats import Seat, Seats
 
 

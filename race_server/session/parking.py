@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from race_server.core import codes
+from race_server.core.driven import races_first
 from race_server.core.messages import Ending, Parking
 from race_server.core.parking_order import ParkingOrder, order_of
 from race_server.core.rules.parking import ending_of
@@ -24,21 +24,6 @@ def has_lot(world: World) -> bool:
 def standing_orders_of(world: World) -> list[ParkingOrder]:
     """Return the order of each vehicle as its round begins; none where there is no car park."""
     return [order_of(world, 0, k) for k in range(world.parking.parkers.shape[1])]
-
-
-def are_driven(world: World) -> NDArray[np.bool_]:
-    """Return whose controls act: (K,), who races, or has finished and goes to a slot."""
-    statuses, parkers = world.bodies["status"][0], world.parking.parkers[0]
-    driven: NDArray[np.bool_] = statuses == codes.RACING
-    if len(parkers) and races_first(world):
-        goes = (parkers["length"] > 0.0) & (parkers["parked_tick"] == 0)
-        driven = driven | ((statuses == codes.FINISHED) & goes)
-    return driven
-
-
-def races_first(world: World) -> bool:
-    """Return whether vehicles race along a line before they go to slots."""
-    return int(world.route.courses[world.rules[0].course].line_count) > 0
 
 
 def parks_from_start(world: World) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from race_agents.drivers.valet import Valet
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import make_track
@@ -32,9 +33,11 @@ from race_server.competition.parking_exam import ExamSpec, drive_exam
 from race_server.core.driver import Briefing, driver_named
 from race_server.core.free_space.prices import Prices
 from race_server.core.kernels.geometry import Pose
+from race_server.core.messages import Control
 from race_server.core.observation import Observation
-from race_server.core.parking_order import ParkingOrder, Slot
+from race_server.core.parking_order import ParkingOrder, Slot, order_of
 from race_server.core.state import Floats
+from race_server.core.traffic import Traffic
 from race_server.core.vehicle_presets import CAR, KART_13
 from race_server.core.vehicles import vehicle_record
 from race_server.envs.batch import Batch
@@ -294,6 +297,29 @@ def test_without_an_order_it_stands() -> None:
     driver.reset(Briefing(0, KART_13, 0, driver.preset, 0.1))
     control = driver.act(Observation(0, batch.layout, batch.observations[0, 0].copy()))
     assert (control.steering, control.throttle, control.brake) == (0.0, 0.0, 1.0)
+
+
+def test_a_vehicle_whose_way_is_withdrawn_brakes_and_plans_another() -> None:
+    batch = Batch(parking_task("face-to-face", observation="lot_lidar"), after=STAY)
+    driver, traffic = Valet(), Traffic(1)
+    driver.reset(Briefing(0, KART_13, 0, driver.preset, 0.1))
+    driver.join(traffic)
+    driver.park(order_of(batch.world, 0, 0))
+
+    def answer() -> Control:
+        traffic.watch(batch.world, 0)
+        seen = batch.observations[0, 0].copy()
+        return driver.act(Observation(0, batch.layout, seen))
+
+    while not traffic.has_way(0):
+        answer()
+    assert answer().throttle > 0.0
+    traffic.withdraw(0)
+    control = answer()
+    assert (control.throttle, control.brake) == (0.0, 1.0)
+    while not traffic.has_way(0):
+        answer()
+    assert answer().throttle > 0.0
 
 
 @pytest.mark.slow

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from race_server.core import codes
+from race_server.core.driven import are_driven
 from race_server.core.state import World
 from race_server.core.step import advance
+from race_server.core.traffic import Traffic
 from race_server.core.vehicle_presets import KART_13
 from race_server.scenario.race import Rules, Scenario, make_world
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.lot import Lot
-from race_server.session.parking import are_driven, check_slot, free_slot, send_to
+from race_server.session.parking import check_slot, free_slot, send_to
 
 SLOTS = np.array([[30.0, 0.0, 0.0, 3.0, 2.0], [34.0, 0.0, 0.0, 3.0, 2.0]])
 
@@ -81,6 +83,18 @@ def test_who_stands_in_its_slot_for_a_second_is_parked_and_keeps_its_time() -> N
     assert world.bodies[0, 0].status == codes.FINISHED
     assert world.parking.blocks[0, 0].kind == codes.KART_HIT
     assert not are_driven(world)[0]
+
+
+def test_on_its_way_to_a_slot_it_keeps_the_way_that_it_announced_until_it_is_parked() -> None:
+    world, traffic = race(), Traffic(2)
+    send_to(world, 0, 0)
+    traffic.watch(world, 0)
+    assert traffic.announce(0, np.repeat(traffic.boxes[:1], 3, axis=0))
+    traffic.watch(world, 0)
+    assert traffic.has_way(0)
+    world.parking.parkers["parked_tick"][0, 0] = 660
+    traffic.watch(world, 0)
+    assert not traffic.has_way(0)
 
 
 def test_the_race_waits_for_a_kart_on_its_way_to_a_slot() -> None:

@@ -1,6 +1,6 @@
 """A kart that has finished a race parks on request: a whole session, recorded and replayed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import pytest
 from race_server.competition.launch import free_address
 from race_server.core import codes
 from race_server.core.messages import Ending, Event, EventKind, Status
-from race_server.core.vehicle_presets import TT02
+from race_server.core.vehicle_presets import KART_60, TT02
 from race_server.live.server import LOCKSTEP, RaceResult, RaceServer
 from race_server.live.server.hud import hud_of
 from race_server.net.transport import ServerLink
@@ -48,8 +48,10 @@ def result(
     return outcome
 
 
-def _ask(server: RaceServer, *, when: Callable[[Session], bool]) -> None:
-    """Let the steward ask for the car to be parked as soon as a condition holds."""
+def _ask(
+    server: RaceServer, *, when: Callable[[Session], bool], seats: Sequence[int] = (0,)
+) -> None:
+    """Let the steward ask for cars to be parked as soon as a condition holds."""
     session, advance, steward = server.session, server.session.advance, server._steward
     asked: list[bool] = []
 
@@ -57,7 +59,8 @@ def _ask(server: RaceServer, *, when: Callable[[Session], bool]) -> None:
         events = advance(ticks)
         if not asked and when(session):
             asked.append(True)
-            steward.decide(Decision(TOKEN, "park", 0, -1.0, steward.challenge))
+            for seat in seats:
+                steward.decide(Decision(TOKEN, "park", seat, -1.0, steward.challenge))
         return events
 
     session.advance = advance_and_park  # type: ignore[method-assign]
@@ -83,6 +86,20 @@ def test_a_car_that_was_asked_during_its_race_finishes_it_and_parks(
     assert rerun.difference is None
     assert rerun.session.digest() == result.digest
     assert int(rerun.session.world.bodies["status"][0, 0]) == codes.FINISHED
+
+
+def test_the_valet_drives_two_karts_from_the_finish_to_slots_of_the_paddock(tmp_path: Path) -> None:
+    rules = Rules(laps=1, countdown_s=0.5, items=False, limit_s=180.0)
+    scenario = Scenario(load_course("paddock-280"), 2, (KART_60,), rules)
+    session = Session("lap", scenario)
+    with ServerLink(free_address(), "lap", 1) as link:
+        server = RaceServer(session, link, LOCKSTEP, ("pure_pursuit",) * 2, token=TOKEN)
+        _ask(server, when=_races, seats=(0, 1))
+        outcome = server.run(0)
+    assert outcome is not None
+    ways = [row.parking for row in outcome.standings]
+    assert [way.ending for way in ways if way is not None] == [Ending.PARKED] * 2
+    assert outcome.refused == {}
 
 
 def test_a_real_kart_is_told_to_stop_at_the_finish_unless_it_goes_to_a_slot() -> None:

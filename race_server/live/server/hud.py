@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.driven import are_driven
 from race_server.core.messages import Flag, PoseFault, Trust
 from race_server.core.state import EFFECTS
 from race_server.live.server.timing import ServerTiming
 from race_server.net.wire.drive import EFFECT, HudFrame
 from race_server.net.wire.spectate import Rows
-from race_server.session.parking import are_driven
 from race_server.session.seats import Seat
 from race_server.session.session import Session
 

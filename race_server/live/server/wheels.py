@@ -10,6 +10,7 @@ from contextlib import suppress
 import numpy as np
 
 from race_server.core import codes
+from race_server.core.driven import are_driven, races_first
 from race_server.core.driver import (
     Driver,
     ParkingDriver,
@@ -25,7 +26,7 @@ from race_server.live.server.counters import Counters
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.session.observations import Observations
-from race_server.session.parking import are_driven, check_slot, has_lot, races_first
+from race_server.session.parking import check_slot, has_lot
 from race_server.session.session import Session
 
 # The driver that parks, where the server names no other.

@@ -8,12 +8,12 @@ import numpy as np
 from race_server.core import codes
 from race_server.core.alert import Alert
 from race_server.core.clock import MICROSECONDS, TICKS_PER_SECOND
+from race_server.core.driven import are_driven
 from race_server.core.messages import Pose, PoseFault, Trust
 from race_server.core.state import PLACEMENT, Floats, Ints, World
 from race_server.core.telemetry import Telemetry
 from race_server.core.vehicles import Vehicle
 from race_server.scenario.track.course import Course
-from race_server.session.parking import are_driven
 from race_server.session.tracked.orders import Orders
 from race_server.session.tracked.plausibility import PlausibilityLimits
 from race_server.session.tracked.told import Told
