@@ -166,6 +166,8 @@ def _straight_in(
     for longer in STRAIGHTS:
         for way in (level.within + longer, -level.within - longer):
             before = along_arc(goal, 0.0, -way)
+            if not planner.is_free_straight(before, way, chart.walls, chart.boxes):
+                continue
             with suppress(PlanError):
                 into = planner.plan(start, before, chart.walls, chart.boxes)
                 path = path_of(start, np.concatenate([into.arcs, [(0.0, way)]]))

@@ -14,7 +14,7 @@ from race_agents.planning.path import Path, driven_back, in_words, path_of
 from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.shortcuts import shortened
 from race_server.core.free_space.footprint import Footprint, footprint_of
-from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.ground import NO_BOXES, Ground, farthest_wall
 from race_server.core.free_space.obstacles import (
     CORNER,
     PASSING,
@@ -25,7 +25,7 @@ from race_server.core.free_space.obstacles import (
 )
 from race_server.core.free_space.prices import CUSP, Prices
 from race_server.core.kernels.distance_field import distance_at
-from race_server.core.kernels.geometry import Pose
+from race_server.core.kernels.geometry import Pose, along_arc
 from race_server.core.kernels.reeds_shepp import WORDS, word_between
 from race_server.core.state import Floats
 from race_server.core.vehicles import Vehicle
@@ -56,6 +56,10 @@ EAGER = Mesh(0.8, 0.10, 0.40, 0.400, math.radians(5.0), 1.0, greed=3.0, nodes=60
 EAGER_SHARE = 0.25
 # As many steps as a search likes to take.
 ENDLESS = 1 << 62
+
+
+class _CutOffError(PlanError):
+    """No way leads from start to goal within reach."""
 
 
 class PathPlanner:
@@ -105,7 +109,17 @@ class PathPlanner:
         for name, pose in (("start", start), ("goal", goal)):
             if not all(map(math.isfinite, pose)):
                 raise PlanError(f"the {name}, {in_words(pose)}, is no place: give finite numbers")
-        obstacles = self._obstacles(start, goal, walls, boxes)
+        farther = max(REACH, farthest_wall(start, goal, walls))
+        try:
+            return self._plan(start, goal, walls, boxes, REACH)
+        except _CutOffError:
+            if farther == REACH:
+                raise
+        return self._plan(start, goal, walls, boxes, farther)
+
+    def _plan(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats, reach: float) -> Path:
+        """Return a path that leaves the rectangle around start and goal by `reach` [m] at most."""
+        obstacles = self._obstacles(start, goal, walls, boxes, reach)
         for name, pose in (("start", start), ("goal", goal)):
             self._require_room(name, pose, obstacles)
         rooms = self._room(obstacles, start), self._room(obstacles, goal)
@@ -127,9 +141,9 @@ class PathPlanner:
         root, target = (goal, start) if is_swapped else (start, goal)
         distances = self._distances_to(target, obstacles)
         if distance_at(obstacles.grid, distances, root.x, root.y) == math.inf:
-            raise PlanError(
+            raise _CutOffError(
                 f"no way leads from {in_words(start)} to {in_words(goal)}: what is free around one "
-                f"is cut off from the other, or joined to it only farther than {REACH:g} m aside"
+                "is cut off from the other"
             )
         # What is found from the goal is driven the other way round.
         prices = Prices(self.back, 1.0) if is_swapped else Prices(1.0, self.back)
@@ -184,13 +198,23 @@ class PathPlanner:
 
     def is_free(self, pose: Pose, walls: Floats, boxes: Floats = NO_BOXES) -> bool:
         """Return whether the vehicle keeps the margin there; arguments as for `plan`."""
-        return is_free(self._obstacles(pose, pose, walls, boxes), self.footprint, pose)
+        return is_free(self._obstacles(pose, pose, walls, boxes, REACH), self.footprint, pose)
 
-    def _obstacles(self, start: Pose, goal: Pose, walls: Floats, boxes: Floats) -> Obstacles:
+    def is_free_straight(
+        self, start: Pose, way: float, walls: Floats, boxes: Floats = NO_BOXES
+    ) -> bool:
+        """Return whether the vehicle keeps the margin on a straight way [m], back if negative."""
+        obstacles = self._obstacles(start, along_arc(start, 0.0, way), walls, boxes, REACH)
+        is_begun = is_free(obstacles, self.footprint, start)
+        return is_begun and free_way(obstacles, self.footprint, start, 0.0, way) == way
+
+    def _obstacles(
+        self, start: Pose, goal: Pose, walls: Floats, boxes: Floats, reach: float
+    ) -> Obstacles:
         """Return the obstacles around start and goal, with a grid over them."""
         # Beyond the discs that cover the vehicle it does not matter how far an obstacle is.
         near = cover_radius(self.footprint) + PASSING
-        return self._ground.obstacles(start, goal, walls, boxes, reach=REACH, near=near)
+        return self._ground.obstacles(start, goal, walls, boxes, reach=reach, near=near)
 
     def _require_room(self, name: str, pose: Pose, obstacles: Obstacles) -> None:
         if is_free(obstacles, self.footprint, pose):

@@ -29,7 +29,7 @@ from race_server.kept_file import keep
 def planned_way(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> PlannedWay | None:
     """Return the plan of a task, None if none is found; the same one as before if it is kept.
 
-    start: (3,) x [m], y [m], heading [rad] of the centre of gravity; a trailer stands in line.
+    start: (4,), see `poses_of`.
     """
     path = _kept(vehicle, start, order)
     with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
@@ -50,9 +50,9 @@ def ask_planned_way(
 
 def _plan(vehicle: Vehicle, start: Floats, order: ParkingOrder) -> PlannedWay | None:
     """Return the plan of a task, None if none is found; arguments as for `planned_way`."""
-    axle = convert(start, vehicle, Point.GRAVITY, Point.REAR_AXLE)
+    axle = Pose(*convert(start[:3], vehicle, Point.GRAVITY, Point.REAR_AXLE).tolist())
     try:
-        path = plan_to_slot(vehicle, Pose(*axle.tolist()), order, chart_of(order))
+        path = plan_to_slot(vehicle, axle, order, chart_of(order), float(start[3]))
         track = Way(path, vehicle, vehicle.top_speed).track
     except PlanError:
         return None

@@ -52,11 +52,12 @@ def ask_plan(
 def get_ready(vehicle: Vehicle, order: ParkingOrder) -> None:
     """Start the process that plans, if it is another one, before a vehicle waits for its plan."""
     if INTERPRET:
-        # A plan without steps fails, after all that it calls was compiled or loaded.
+        # A plan without steps fails, after all that it calls was compiled or loaded. There are
+        # no walls, as one at the start would end it before.
         goal = parked_pose(order.slot, vehicle)
         start = along_arc(goal, 0.0, vehicle.length)
-        chart = Chart(order.walls, np.zeros((0, 6)))
-        ask_apart(plan_to_slot, vehicle, start, order, chart, 0.0, 0)
+        nothing = Chart(np.zeros((0, 4)), np.zeros((0, 6)))
+        ask_apart(plan_to_slot, vehicle, start, order, nothing, 0.0, 0)
 
 
 class PlannerProcess:

@@ -19,7 +19,7 @@ from race_agents.planning.path_planner import ENDLESS, MARGIN, REACH, disc_aroun
 from race_agents.planning.rig_moves import DOCKED, InLine, direction_in, drive, way_in
 from race_agents.planning.search_tree import NODES, NONE, STEPS, make_tree
 from race_agents.planning.towed_path import TowedPath
-from race_server.core.free_space.ground import NO_BOXES, Ground
+from race_server.core.free_space.ground import NO_BOXES, Ground, farthest_wall
 from race_server.core.free_space.obstacles import CORNER, PASSING, Obstacles, cover_radius, is_free
 from race_server.core.free_space.prices import Prices
 from race_server.core.free_space.rig import (
@@ -118,7 +118,7 @@ class TowedPlanner:
             f"{in_words(start)} with the hitch at {math.degrees(angle):.0f}° to {in_words(goal)}"
         )
         # Near by first: of a large area the grid has larger cells.
-        for reach in (self._reach, max(self._reach, _farthest(root, goal, walls))):
+        for reach in (self._reach, max(self._reach, farthest_wall(root, goal, walls))):
             obstacles = self._obstacles(root, goal, walls, boxes, reach)
             self._require_room("start", towed, obstacles)
             self._require_room("goal", Towed(*goal, 0.0, 0.0), obstacles)
@@ -218,13 +218,6 @@ def _is_free(obstacles: Obstacles, rig: Rig, towed: Towed) -> bool:
     return is_free(obstacles, rig.drawn, place) and is_free(
         obstacles, rig.drawing, pose_ahead(rig, towed)
     )
-
-
-def _farthest(start: Pose, goal: Pose, walls: Floats) -> float:
-    """Return how far [m] walls lead beyond start and goal, along x or y."""
-    ends, both = walls.reshape(-1, 2), np.array([start[:2], goal[:2]])
-    beyond = np.concatenate([both.min(axis=0) - ends, ends - both.max(axis=0)])
-    return float(beyond.max(initial=0.0))
 
 
 def _scaled(mesh: Mesh, scale: float) -> Mesh:

@@ -20,6 +20,7 @@ from race_server.core.clock import TICK_S
 from race_server.core.driver import Briefing, Driver, driver_named, tell_to_park
 from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, order_of
+from race_server.core.poses import poses_of
 from race_server.core.seeds import HELD_OUT, MOST_SEED
 from race_server.core.state import Float32s, Floats
 from race_server.core.traffic import STANDING, Traffic
@@ -119,8 +120,8 @@ class Try:
     seed: int
     figures: dict[str, Any]  # see `race_server/envs/parking/discipline.py:Parking.report`
     order: ParkingOrder
-    start: Floats  # (3,) x [m], y [m], heading [rad] of the centre of gravity
-    end: Floats  # (3,) the same at the last decision
+    start: Floats  # (4,), see `poses_of`
+    end: Floats  # (4,) the same at the last decision
     fault: str = ""  # what the driver raised
     vehicle: int = 0
     # [ms] wall time of each answer but the first of the exam
@@ -275,9 +276,8 @@ class _Hall:
                 self._fail(w, k, error)
 
     def _places(self) -> Floats:
-        """Return where the vehicles are: (W, K, 3) x [m], y [m], heading [rad]."""
-        bodies = self.batch.world.bodies
-        return np.stack([bodies[name] for name in ("x", "y", "heading")], axis=2)
+        """Return where the vehicles are: (W, K, 4), see `poses_of`."""
+        return poses_of(self.batch.world.bodies, self.batch.world.vehicles)
 
     def _answer(self, w: int, k: int) -> Float32s:
         """Return the control of a driver; one that raised an exception brakes."""

@@ -91,7 +91,7 @@ class PlanningDriver(ParkingDriver, Protocol):
     ) -> "Future[PlannedWay | None]":
         """Return how a task is planned, once another process has found that; None for no way.
 
-        start: (3,) x [m], y [m], heading [rad] of the centre of gravity.
+        start: (4,), see `race_server.core.poses.poses_of`.
         """
 
 

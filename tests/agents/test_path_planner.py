@@ -3,6 +3,7 @@
 import math
 from contextlib import suppress
 from functools import cache
+from itertools import pairwise
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -215,6 +216,16 @@ def test_a_goal_behind_a_closed_wall_is_reported_at_once() -> None:
     across = np.array([[0.0, -10.0, 0.0, 10.0]])
     with pytest.raises(PlanError, match="no way leads from"):
         planner().plan(Pose(-10.0, 0.0, 0.0), Pose(8.0, 0.0, 0.0), np.concatenate([walls, across]))
+
+
+def test_a_way_round_a_wall_is_found_though_it_leads_far_aside() -> None:
+    # A wall of 60 m between start and goal, which are 10 m apart: 30 m to each side of them.
+    sides = [(-45.0, -20.0), (45.0, -20.0), (45.0, 30.0), (-45.0, 30.0)]
+    square = [(*a, *b) for a, b in pairwise([*sides, sides[0]])]
+    walls = np.array([*square, (-30.0, 5.0, 30.0, 5.0)])
+    path = planner().plan(Pose(0.0, 0.0, 0.0), Pose(0.0, 10.0, math.pi), walls)
+    assert np.abs(path.poses[:, 0]).max() > 25.0
+    assert path.poses[-1][:2] == pytest.approx([0.0, 10.0], abs=0.05)
 
 
 def test_a_slot_25_cm_longer_than_the_car_is_too_short() -> None:

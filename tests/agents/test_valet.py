@@ -38,11 +38,12 @@ from race_server.core.observation import Observation
 from race_server.core.parking_order import ParkingOrder, Slot, order_of
 from race_server.core.state import Floats
 from race_server.core.traffic import Traffic
-from race_server.core.vehicle_presets import CAR, KART_13
+from race_server.core.vehicle_presets import CAR, KART_13, LORRY
 from race_server.core.vehicles import vehicle_record
 from race_server.envs.batch import Batch
 from race_server.envs.buffers import STAY
 from race_server.envs.presets import parking_task
+from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError, PlanError
 from race_server.scenario.level import level_named
 
@@ -73,6 +74,16 @@ def order(level: str = "parked", *, heading: float = 0.0, walls: Floats = NO_WAL
     """Return an order to park 20 m east of the origin."""
     slot = Slot(20.0, 0.0, heading, 3.0, 2.0)
     return ParkingOrder(slot, level_named(level), walls, np.zeros((0, 5)))
+
+
+@pytest.mark.parametrize("x", [20.0, 19.0, 21.0])
+def test_a_straight_end_into_a_slot_in_which_something_stands_is_no_way(x: float) -> None:
+    # Parked is within half a metre: the last metres are straight, ahead or back.
+    task, start = order("report-a-2"), Pose(0.0, 3.0, 0.0)
+    assert plan_to_slot(KART_13, start, task, chart_of(task)).length > 19.0
+    block = Chart(NO_WALLS, np.array([[x, 0.0, 1.0, 0.0, 0.3, 0.3]]))
+    with pytest.raises(PlanError, match=r"the goal, .* is inside of a wall or a box"):
+        plan_to_slot(KART_13, start, task, block)
 
 
 # What it sees
@@ -209,27 +220,40 @@ def test_a_task_without_a_way_has_no_plan(
     monkeypatch.setattr(f"{PLANNED}.cache_root", lambda: tmp_path)
     walls = np.array([[15.0, -5, 25, -5], [25, -5, 25, 5], [25, 5, 15, 5], [15, 5, 15, -5.0]])
     task = order(walls=walls)
-    assert planned_way(KART_13, np.zeros(3), task) is None
-    plan = planned_way(KART_13, np.zeros(3), order())
+    assert planned_way(KART_13, np.zeros(4), task) is None
+    plan = planned_way(KART_13, np.zeros(4), order())
     assert plan is not None
     assert (plan.path_m, plan.direction_changes) == (pytest.approx(20.0, abs=0.1), 0)
     # Both answers are kept: what they depend on is looked for no second time.
     monkeypatch.setattr(f"{PLANNED}.plan_to_slot", None)
-    assert planned_way(KART_13, np.zeros(3), task) is None
-    assert planned_way(KART_13, np.zeros(3), order()) == plan
+    assert planned_way(KART_13, np.zeros(4), task) is None
+    assert planned_way(KART_13, np.zeros(4), order()) == plan
     with pytest.raises(TypeError):
-        planned_way(KART_13, np.array([0.0, 0.1, 0.0]), order())
+        planned_way(KART_13, np.array([0.0, 0.1, 0.0, 0.0]), order())
+
+
+def test_a_lorry_is_measured_against_the_plan_from_where_its_trailer_stands(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{PLANNED}.cache_root", lambda: tmp_path)
+    (one,) = drive_exam(ExamSpec("dock-35", [1]), "valet")
+    assert 0.01 < abs(one.start[3]) < math.radians(11.0)
+    asked = []
+    monkeypatch.setattr(f"{PLANNED}.plan_to_slot", lambda *task: asked.append(task))
+    with pytest.raises(AttributeError):
+        planned_way(LORRY, one.start, one.order)
+    assert asked[0][-1] == one.start[3]
 
 
 def test_a_plan_is_made_again_where_the_kept_one_is_damaged(
     tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"{PLANNED}.cache_root", lambda: tmp_path)
-    plan = planned_way(KART_13, np.zeros(3), order())
+    plan = planned_way(KART_13, np.zeros(4), order())
     (file,) = (tmp_path / "plans").iterdir()
     file.write_text('{"plan": {"time_s"', encoding="utf-8")
-    assert planned_way(KART_13, np.zeros(3), order()) == plan
-    assert planned_way(KART_13, np.zeros(3), order()) == plan
+    assert planned_way(KART_13, np.zeros(4), order()) == plan
+    assert planned_way(KART_13, np.zeros(4), order()) == plan
 
 
 # The driver
@@ -249,6 +273,12 @@ def test_a_car_parks_by_its_answers_of_a_tenth_of_a_second_ago() -> None:
     for one in tries.values():
         assert one.figures["ending"] == "parked", one.figures
         assert np.hypot(*(one.end[:2] - one.order.slot[:2])) < 0.5
+
+
+def test_wheels_with_more_play_than_a_leg_allows_keep_no_vehicle_standing() -> None:
+    spec = ExamSpec("aisle-90", [1], gap=RealityGap(steering_play=(0.12, 0.12)))
+    (one,) = drive_exam(spec, "valet")
+    assert one.figures["ending"] == "parked", one.figures
 
 
 def test_a_vehicle_that_stands_waits_for_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,3 +60,10 @@ class Ground:
         place = (goal.x, goal.y)
         fill_distances(grid, obstacles.clear, least, place, True, distances, self._queues)
         return distances
+
+
+def farthest_wall(start: Pose, goal: Pose, walls: Floats) -> float:
+    """Return how far [m] walls lead beyond start and goal, along x or y."""
+    ends, both = walls.reshape(-1, 2), np.array([start[:2], goal[:2]])
+    beyond = np.concatenate([both.min(axis=0) - ends, ends - both.max(axis=0)])
+    return float(beyond.max(initial=0.0))

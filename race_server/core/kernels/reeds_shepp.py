@@ -290,10 +290,11 @@ def shortest_length(start: Pose, goal: Pose, radius: float) -> float:
 
 @large_kernel
 def least_cost(start: Pose, goal: Pose, radius: float, cusp: float) -> float:
-    """Return the least cost [m] of a path whose changes of direction cost something.
+    """Return the cost [m] of the cheapest word whose changes of direction cost something.
 
-    radius: least turning radius [m]; cusp: cost of a change of direction [m]. No path is cheaper,
-    if it has at most two such changes.
+    radius: least turning radius [m]; cusp: cost of a change of direction [m]. It is an estimate and
+    no bound: a turn of more than half a circle is no word's, and may be cheaper; so may be a
+    single arc at full lock, of whose words rounding leaves one with changes.
     """
     _, cost = _cheapest(_in_radii(start, goal, radius), cusp / radius)
     return radius * cost

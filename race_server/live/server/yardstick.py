@@ -12,6 +12,7 @@ import numpy as np
 
 from race_server.core.driver import PlanningDriver, driver_named
 from race_server.core.messages import PlannedWay
+from race_server.core.poses import poses_of
 from race_server.core.state import Floats
 from race_server.errors import DriverError, PlanError
 from race_server.live.local_drivers import LocalDrivers
@@ -31,18 +32,17 @@ class Yardstick:
     def __init__(self, session: Session, local_drivers: LocalDrivers, valet: str) -> None:
         """Measure nothing yet. valet: name of the parking driver that plans; "" for none."""
         self._session, self._local_drivers, self._valet = session, local_drivers, valet
-        self._starts: Floats = np.zeros((0, 3))
+        self._starts: Floats = np.zeros((0, 4))
         self._asked: dict[int, Future[PlannedWay | None]] = {}
         self._planner: PlanningDriver | None = None
 
     def begin(self) -> None:
         """Note where all vehicles stand at the start of a race."""
         session, self._asked = self._session, {}
-        self._starts = np.zeros((0, 3))
+        self._starts = np.zeros((0, 4))
         if not (self._valet and parks_from_start(session.world)):
             return
-        bodies = session.world.bodies[0]
-        self._starts = np.stack([bodies[name] for name in ("x", "y", "heading")], axis=1)
+        self._starts = poses_of(session.world.bodies[0], session.world.vehicles[0])
         with suppress(DriverError):  # none that is installed plans
             driver: Any = driver_named(self._valet)
             self._planner = driver if isinstance(driver, PlanningDriver) else None
