@@ -135,3 +135,15 @@ def is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
+
+
+def bytes_of_name(name: str, file: str, fault: type[RaceError]) -> bytes:
+    """Return the name of a course, which is that of its file, as bytes.
+
+    Raises:
+        RaceError: of the type `fault`: the name is not UTF-8.
+    """
+    try:
+        return name.encode()
+    except UnicodeEncodeError as error:  # half of a surrogate pair stands for a byte of another
+        raise fault(f"{file}: a course has its file's name in UTF-8; rename it") from error

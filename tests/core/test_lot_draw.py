@@ -1,10 +1,12 @@
 """What is drawn for a round in a car park: by the seed alone, and clear of all that stands."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from race_server.core import codes
 from race_server.core.lots import bytes_of
 from race_server.core.messages import RayHit
 from race_server.core.state import World, digest
@@ -60,6 +62,29 @@ def blocks_of(world: World, w: int) -> list[np.ndarray]:
         for one in world.parking.blocks[w]
         if one.kind != RayHit.NOTHING
     ]
+
+
+# Blocks may stand in either of two slots; vehicles start in one and go to the other.
+TWO_SLOTS = """
+area = [0, 30, 0, 10]
+from_slots = true
+vehicle = "kart-13"
+level = "report-a-1"
+[[rows]]
+at = [5, 5]
+towards = 0
+count = 2
+pitch = 20
+length = 3
+width = 2
+[[zones]]
+role = "blocks"
+x = [4, 26]
+y = [4, 6]
+[blocks]
+count = [1, 1]
+side = [1.0, 1.0]
+"""
 
 
 def test_no_start_touches_a_wall_or_a_block_or_another_start(yards: World) -> None:
@@ -282,3 +307,14 @@ def test_nothing_is_drawn_inside_of_what_is_solid(as_polygons: bool) -> None:
             dx, dy = drawn["x"] - x, drawn["y"] - 20.0
             ahead, aside = dx * np.cos(0.3) + dy * np.sin(0.3), dy * np.cos(0.3) - dx * np.sin(0.3)
             assert (np.maximum(np.abs(ahead), np.abs(aside)) > 8.0).all()
+
+
+def test_no_block_stands_in_the_slot_that_a_vehicle_starts_in(tmp_path: Path) -> None:
+    file = tmp_path / "two.toml"
+    file.write_text(TWO_SLOTS)
+    world = make_world(parking_scenario(file, vehicle="kart-13"), seeds=list(range(40)))
+    for w in range(40):
+        body, block = world.bodies[w, 0], world.parking.blocks[w, 0]
+        assert world.parking.parkers[w, 0].began >= 0
+        if block.kind != codes.NOTHING:
+            assert abs(block.x - body.x) > 2.0

@@ -95,7 +95,7 @@ def test_a_car_that_is_not_steered_leaves_the_road_at_the_first_bend() -> None:
 
 
 def test_a_duration_of_2_seconds_at_ten_decisions_a_second_is_20_decisions() -> None:
-    env = park(0.0, 0.0, 0.0, duration=2, policy_frequency=10)
+    env = park(0.0, 0.0, 0.0, duration=2, policy_frequency=10.0)
     assert [env.step([0.0, 0.0])[3] for _ in range(20)] == [False] * 19 + [True]
 
 
@@ -128,6 +128,7 @@ def test_an_option_of_a_reset_that_there_is_not_is_named() -> None:
         ({"walls": False}, "config 'walls' is unknown; choose from add_walls"),
         ({"vehicles_count": 3}, "config 'vehicles_count' is 3; here it stays 0"),
         ({"duration": 0}, "config 'duration' is 0; give seconds above 0"),
+        ({"duration": 3600}, "config 'duration' is 3600; give seconds above 0, up to 3599"),
         ({"policy_frequency": 7}, "60 ticks a second are a multiple of"),
         ({"reward_weights": [1, 2]}, "give one like [1, 0.3, 0, 0, 0.02, 0.02]"),
         ({"add_walls": 1}, "config 'add_walls' is 1; give one like True"),

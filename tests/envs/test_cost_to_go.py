@@ -13,8 +13,10 @@ from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
 from race_server.core.state import World
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.envs.batch import Batch
 from race_server.envs.parking.heuristics.atlas import Atlas, cost_from, make_atlas, standing_in
 from race_server.envs.parking.heuristics.table import HEURISTICS, check_vehicle
+from race_server.envs.presets import parking_task
 from race_server.errors import ScenarioError
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
@@ -138,3 +140,17 @@ def test_it_is_for_vehicles_with_one_trailer_or_none() -> None:
         check_vehicle(heuristic, vehicle)
     with pytest.raises(ScenarioError, match=r"with one trailer or none, and 'lorry-16m5' draws 2;"):
         check_vehicle(heuristic, replace(LORRY, trailers=2 * LORRY.trailers))
+
+
+def test_one_lot_may_be_given_several_times_and_two_vehicles_have_no_common_costs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"{make_atlas.__module__}.cache_root", lambda: tmp_path)
+    file = tmp_path / "bay.toml"
+    file.write_text(BAY_OF_A_CAR)
+    task = parking_task(str(file), vehicle="car").with_options(heuristic="cost-to-go")
+    twice = replace(task, scenarios=2 * task.scenarios)
+    assert len(Batch(twice, worlds=2).observations) == 2
+    kart = parking_task(str(file), vehicle="kart-13").scenarios
+    with pytest.raises(ScenarioError, match=r"is for one vehicle: car and kart-13 learn here"):
+        Batch(replace(task, scenarios=task.scenarios + kart))

@@ -22,7 +22,7 @@ from race_server.scenario.lot.load import load_lot
 from race_server.scenario.lot.ways import Ways, cut_off
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.race import make_world
-from support.lots import ONE_BAY
+from support.lots import ONE_BAY, load_text
 
 GATE = f"walls = [[20, 0, 20, {{low}}], [20, {{high}}, 20, 20]]{ONE_BAY}"
 
@@ -358,3 +358,13 @@ def test_a_goal_that_touches_a_wall_in_each_round_is_hopeless(tmp_path: Path) ->
     text = GATE.format(low=4, high=16) + "[[zones]]\nrole = 'goal'\nx = [39, 39]\ny = [10, 10]\n"
     text = text.replace("[[rows]]\nat = [30, 10]\nlength = 5.2\nwidth = 2.5\n", "slot = [5, 2.5]\n")
     assert list(hopeless(write(tmp_path, text), range(4))) == [0, 1, 2, 3]
+
+
+def test_a_slot_behind_a_wall_is_told_where_vehicles_start_in_slots(tmp_path: Path) -> None:
+    rows = "[[rows]]\nat = [5, 10]\ntowards = 0\ncount = 2\npitch = 6\nlength = 6\nwidth = 4\n"
+    alone = "[[rows]]\nat = [35, 10]\nlength = 6\nwidth = 4\n"
+    area = "area = [0, 40, 0, 20]\nvehicle = 'car'\nfrom_slots = true\n"
+    assert cut_off(Ways(load_text(tmp_path, area + rows + alone), CAR)) == []
+    wall = "walls = [[25, 0, 25, 20]]\n"
+    (found,) = cut_off(Ways(load_text(tmp_path, area + wall + rows + alone), CAR))
+    assert found.startswith("no free way leads from a start to slot 2 at (35.00, 10.00) m")

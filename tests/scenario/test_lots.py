@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from race_server.cli.main import app
 from race_server.core.vehicle_presets import CAR, KART_13, LORRY, vehicle_named
 from race_server.core.vehicles import GRAVITY
 from race_server.errors import LotError, ScenarioError
@@ -36,8 +38,8 @@ def lot_of(course: Course) -> Lot:
 
 def test_the_lots_are_shipped() -> None:
     rows = "aisle-45 aisle-60 aisle-90 bays-yard dock-35 face-to-face gate grid-150 kart-park kerb"
-    yards = ["parking-v0", "yard-70", "yard-70-busy", "yard-end"]
-    assert lot_names() == [*rows.split(), *yards, "zone-30"]
+    yards = ["parking-v0", "yard-70", "yard-70-busy", "yard-70-east", "yard-end"]
+    assert lot_names() == [*rows.split(), *yards, "zone-30", "zone-30-east"]
 
 
 @pytest.mark.parametrize("name", lot_names())
@@ -255,9 +257,11 @@ def test_a_lot_may_be_given_by_its_path(tmp_path: Path) -> None:
 
 
 def test_the_seed_of_a_generated_lot_has_one_way_to_be_written() -> None:
-    # Full-width digits: another name for the lot that was held out.
-    with pytest.raises(LotError, match=r"cannot be generated; write generated:yard:SEED"):
-        load_lot("generated:yard:\uff11\uff17")
+    # Full-width digits, and a zero before: other names for the lot that was held out.
+    for seed in ("\uff11\uff17", "017"):
+        with pytest.raises(LotError, match=r"cannot be generated; write generated:yard:SEED"):
+            load_lot(f"generated:yard:{seed}")
+    assert load_lot("generated:yard:0").name == "generated:yard:0"
 
 
 def test_an_unknown_lot_names_those_that_exist() -> None:
@@ -305,3 +309,21 @@ def test_a_folder_of_lots_that_does_not_exist_is_told(monkeypatch: pytest.Monkey
 def test_a_title_has_one_line(tmp_path: Path) -> None:
     (tmp_path / "lot.toml").write_text('title = "two\\n lines"\n' + ONE_BAY)
     assert load_lot(tmp_path / "lot.toml").title == "two lines"
+
+
+def test_without_a_title_a_lot_has_the_beginning_of_its_files_name(tmp_path: Path) -> None:
+    path = tmp_path / f"{'long' * 20}.toml"
+    path.write_text(ONE_BAY)
+    assert load_lot(path).title == "long" * 16
+
+
+def test_a_file_whose_name_is_not_utf_8_is_told_and_the_list_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "park\udcff.toml").write_text(ONE_BAY)
+    with pytest.raises(LotError, match="a course has its file's name in UTF-8; rename it"):
+        load_lot(tmp_path / "park\udcff.toml")
+    monkeypatch.setenv("RACE_LOTS", str(tmp_path))
+    shown = CliRunner().invoke(app, ["lot", "list"])
+    assert shown.exit_code == 0, shown.output
+    assert "yard-70" in shown.output

@@ -30,7 +30,7 @@ from race_server.core.free_space.states import (
 )
 from race_server.core.kernels.distance_field import Grid
 from race_server.core.kernels.geometry import Pose
-from race_server.core.kernels.jit import cache_root, large_kernel
+from race_server.core.kernels.jit import cache_root, large_kernel, source_digest
 from race_server.kept_file import keep
 
 # Angles of the wheels of a car and at a hitch, and side of a cell [m] for the usual bar.
@@ -94,10 +94,9 @@ def kept_state_costs(
     finer: StateCosts | None = None,
 ) -> StateCosts:
     """Return the same as `find_state_costs`, kept in the cache: it takes ten seconds and more."""
-    known = hashlib.sha256()
-    sources = [__file__, inspect.getfile(sweep_all), inspect.getfile(StateCosts)]
-    for source in [*sources, *([inspect.getfile(ends)] if ends is not None else [])]:
-        known.update(Path(source).read_bytes())
+    known = hashlib.sha256(source_digest().encode())
+    for source in (__file__, *([inspect.getfile(ends)] if ends is not None else [])):
+        known.update(Path(source).read_bytes())  # holds no kernel that the digest of sources knows
     numbers = [*obstacles.grid, *rig.drawing, *rig.drawn, *rig[:6], *goal, rate, cusp, cell, reach]
     for part in (np.array(numbers), obstacles.walls, obstacles.boxes):
         known.update(part.tobytes())

@@ -156,6 +156,16 @@ def slot_hull(parker: Record, room: float) -> Hull:
 
 
 @kernel
+def _hull_of_start(world: World, w: int, k: int) -> Hull:
+    """Return the rectangle of the slot that a vehicle starts in, with room around it."""
+    lots = world.parking.lots
+    number = lots.lots[world.rules[w].course].slot_start + world.parking.parkers[w, k].began
+    slot = lots.slots[number]
+    half_length, half_width = 0.5 * slot.length, 0.5 * slot.width
+    return grown(Hull(slot.x, slot.y, slot.heading, 0.0, half_length, half_width, 0), SLOT_ROOM)
+
+
+@kernel
 def _overlap(one: Hull, other: Hull) -> bool:
     """Return whether two rectangles overlap."""
     dx, dy = one.x - other.x, one.y - other.y
@@ -241,10 +251,13 @@ def _draw_block(world: World, w: int, number: int) -> None:
 
 @kernel
 def _has_block_room(world: World, w: int, number: int) -> bool:
-    """Return whether a block overlaps no wall, no slot that is a goal and no block before it."""
+    """Return whether a block overlaps no wall, no slot that is taken and no block before it."""
     parking, mine = world.parking, block_hull(world.parking.blocks[w, number])
     for k in range(parking.parkers.shape[1]):
-        if _overlap(mine, slot_hull(parking.parkers[w, k], SLOT_ROOM)):
+        parker = parking.parkers[w, k]
+        if _overlap(mine, slot_hull(parker, SLOT_ROOM)):
+            return False
+        if parker.began >= 0 and _overlap(mine, _hull_of_start(world, w, k)):
             return False
     for other in range(number):
         block = parking.blocks[w, other]

@@ -97,7 +97,7 @@ def _begin_leg(world: World, w: int, p: int) -> None:
         walker.to_x, walker.to_y = point_in(world.parking.lots.zones[zone], share_x, share_y)
         if not _is_leg_blocked(world, w, walker):
             break
-        # Without a free way they stay, and look for one again in the next tick.
+        # Without a free way they stay, and look for one again after the rest that is drawn below.
         walker.to_x, walker.to_y = walker.x, walker.y
     faster = uniform(seed, WALKER_STREAM, p, first)
     walker.speed = lot.walker_slowest + faster * (lot.walker_fastest - lot.walker_slowest)

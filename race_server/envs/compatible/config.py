@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from race_server.core.bounds import MOST_ROUND_S
 from race_server.core.clock import TICKS_PER_SECOND
 from race_server.errors import ScenarioError
 
@@ -45,7 +46,7 @@ def config_of(
             raise ScenarioError(
                 f"{name}: config {key!r} is {value!r}; give one like {defaults[key]!r}"
             )
-        config[key] = value
+        config[key] = int(value) if type(config.get(key)) is int else value
     _check_times(name, config)
     return config
 
@@ -71,7 +72,9 @@ def _check_times(name: str, config: Config) -> None:
             f"{name}: config 'policy_frequency' is {frequency!r}; give one that "
             f"{TICKS_PER_SECOND} ticks a second are a multiple of"
         )
-    if not config["duration"] > 0:
+    longest = MOST_ROUND_S - 1.0
+    if not 0 < config["duration"] <= longest:
         raise ScenarioError(
-            f"{name}: config 'duration' is {config['duration']!r}; give seconds above 0"
+            f"{name}: config 'duration' is {config['duration']!r}; give seconds above 0, up to "
+            f"{longest:g}"
         )

@@ -96,7 +96,8 @@ class Parking:
         """Return `worlds` worlds, not yet reset, and a template of each scenario's start.
 
         Raises:
-            ScenarioError: the heuristic does not fit the vehicle.
+            ScenarioError: the heuristic does not fit the vehicle, or is for one vehicle and there
+                are several.
         """
         heuristic = heuristic_named(self.heuristic)
         for scenario in scenarios:
@@ -112,9 +113,15 @@ class Parking:
         )
         atlas = NO_ATLAS
         if heuristic.has_atlas:
-            names = [scenario.course.name for scenario in scenarios]
-            vehicle = scenarios[0].vehicle_of(0)
-            atlas = make_atlas(full.lots, world.walls, vehicle, names)
+            vehicle, *others = dict.fromkeys(scenario.vehicle_of(0) for scenario in scenarios)
+            if others:
+                raise ScenarioError(
+                    f"the heuristic {self.heuristic!r} is for one vehicle: {vehicle.name} and "
+                    f"{others[0].name} learn here; take one, or another heuristic"
+                )
+            courses = zip(templates.rules["course"].tolist(), scenarios, strict=True)
+            names = {course: scenario.course.name for course, scenario in courses}
+            atlas = make_atlas(full.lots, world.walls, vehicle, [names[n] for n in sorted(names)])
         return world, LotTemplates(
             templates.races,
             templates.rules,

@@ -41,6 +41,9 @@ def begin_round(world: World, buffers: Buffers, templates: LotTemplates, w: int)
     for k in range(world.bodies.shape[1]):
         put_from_template(world, buffers, templates, w, k)
         world.parking.parkers[w, k] = templates.parkers[scenario, k]
+    # Before a place is looked for: a gap may put a trailer farther behind.
+    for k in range(buffers.rewards.shape[1]):
+        begin_episode(world, buffers, w, k, world.bodies[w, k].status == codes.ABSENT)
     draw_lot(world, w)
     line_up(world, w)
     cells = int(buffers.settings[0].cells)
@@ -54,10 +57,8 @@ def begin_round(world: World, buffers: Buffers, templates: LotTemplates, w: int)
 
 @kernel
 def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
-    """Begin a new episode of one learning vehicle."""
-    body = world.bodies[w, k]
-    begin_episode(world, buffers, w, k, body.status == codes.ABSENT)
-    episode = buffers.episodes[w, k]
+    """Begin the way of one learning vehicle."""
+    body, episode = world.bodies[w, k], buffers.episodes[w, k]
     episode.parked = 0
     episode.ending = 0
     episode.walked_into = 0

@@ -14,7 +14,7 @@ from race_server.errors import LotError
 KINDS = ("yard", "aisle", "kerb", "street")
 FORMS = tuple(f"generated:{kind}:SEED" for kind in KINDS)
 
-_NAME = re.compile(rf"generated:({'|'.join(KINDS)}):([0-9]{{1,9}})")
+_NAME = re.compile(rf"generated:({'|'.join(KINDS)}):(0|[1-9][0-9]{{0,8}})")
 
 # For the angle of bays to their aisle [degrees]: widths of bays and of the aisle [m], between which
 # is drawn. The least of each are those of NF P91-100 (public car parks).

@@ -18,7 +18,7 @@ from race_server.scenario.lot.generated import FORMS, generated_file
 from race_server.scenario.lot.site import area_in, course_of_lot, polygons_in
 from race_server.scenario.places import names_of, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
-from race_server.scenario.toml_reader import TomlReader
+from race_server.scenario.toml_reader import MOST_LETTERS, TomlReader, bytes_of_name
 from race_server.scenario.track.course import Course, Obstacle
 from race_server.scenario.track.generated import PREFIX
 from race_server.scenario.track.limits import (
@@ -86,7 +86,7 @@ def lot_of(name: str, file: str, text: str) -> Course:
     except ValueError as error:
         raise LotError(f"{file}: no TOML: {error}") from error
     reader = TomlReader(file, words, LotError, "lots/README.md", MOST_ROWS)
-    title = reader.text("title", name)
+    title = reader.text("title", name[:MOST_LETTERS])
     area = _area(reader)
     obstacles = (*_walls(reader, area), *_obstacles(reader, area))
     polygons = _polygons(reader, area)
@@ -104,7 +104,7 @@ def lot_of(name: str, file: str, text: str) -> Course:
         from_slots=reader.yes("from_slots"),
     )
     reader.no_more()
-    digest = hashlib.sha256(name.encode() + text.encode()).hexdigest()[:16]
+    digest = hashlib.sha256(bytes_of_name(name, file, LotError) + text.encode()).hexdigest()[:16]
     course = course_of_lot(name, title, area, obstacles, lot, digest, polygons)
     try:
         vehicle = vehicle_named(lot.vehicle)

@@ -102,14 +102,13 @@ def cut_off(ways: Ways) -> list[str]:
     found = []
     wide = f"{vehicle.name}, {vehicle.overall_width:.2f} m wide"
     begins = set[int]()
-    if course.lot.from_slots:
-        begins.update(*(ways.regions((slot.x, slot.x), (slot.y, slot.y)) for slot in slots))
+    places = [ways.regions((slot.x, slot.x), (slot.y, slot.y)) for slot in slots]
     where = {
         zone: f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
         for zone in zones
     }
     for zone in zones:
-        if zone.role == "start":
+        if zone.role == "start" and not course.lot.from_slots:
             begins |= (there := ways.regions(zone.x, zone.y))
             if not there:
                 place = f"start {where[zone]} lies in a wall: it has no place for {wide}"
@@ -120,7 +119,9 @@ def cut_off(ways: Ways) -> list[str]:
         if zone.role == "goal" and begins.isdisjoint(ways.regions(zone.x, zone.y))
     ]
     for number, slot in enumerate(slots):
-        if begins.isdisjoint(ways.regions((slot.x, slot.x), (slot.y, slot.y))):
+        others = [*places[:number], *places[number + 1 :]]
+        starts = set[int]().union(*others) if course.lot.from_slots else begins
+        if starts.isdisjoint(places[number]):
             found.append(
                 f"no free way leads from a start to slot {number} at ({slot.x:.2f}, {slot.y:.2f}) "
                 f"m for {wide}"

@@ -22,7 +22,7 @@ FORMS = (
 )
 
 _WRITTEN = {"block": "blocks", "spline": "spline", "circuit": "line"}
-_NAME = re.compile(r"generated:(block|spline|circuit):(\d{1,9})(:kart)?")
+_NAME = re.compile(r"generated:(block|spline|circuit):(0|[1-9][0-9]{0,8})(:kart)?")
 
 
 @cache

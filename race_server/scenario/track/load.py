@@ -12,7 +12,7 @@ import numpy as np
 from race_server.errors import TrackError
 from race_server.scenario.places import names_of, own_folder, path_of
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
-from race_server.scenario.toml_reader import MOST_LETTERS, TomlReader, is_number
+from race_server.scenario.toml_reader import MOST_LETTERS, TomlReader, bytes_of_name, is_number
 from race_server.scenario.track.blocks import Loop
 from race_server.scenario.track.build import GATES, SCALES, SECTORS, TrackSpec, build
 from race_server.scenario.track.cache import cached
@@ -137,7 +137,7 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
         title=reader.text("title", name[:MOST_LETTERS]),
         form=form,
         scale=reader.choice("scale", tuple(SCALES), "1/10"),
-        digest=hashlib.sha256(_name_of(name, file) + data).hexdigest()[:16],
+        digest=hashlib.sha256(bytes_of_name(name, file, TrackError) + data).hexdigest()[:16],
         outer=reader.loop("outer") if form == "blocks" else None,
         inner=reader.loop("inner") if form == "blocks" else None,
         points=reader.points() if form != "blocks" else np.zeros((0, 4)),
@@ -157,13 +157,6 @@ def spec_of(name: str, file: str, data: bytes) -> TrackSpec:
     if plan.gates < plan.sectors:
         raise TrackError(f"{file}: gates = {plan.gates} is less than sectors = {plan.sectors}")
     return plan
-
-
-def _name_of(name: str, file: str) -> bytes:
-    try:
-        return name.encode()
-    except UnicodeEncodeError as error:  # half of a surrogate pair stands for a byte of another
-        raise TrackError(f"{file}: a course has its file's name in UTF-8; rename it") from error
 
 
 class _TrackReader(TomlReader):

@@ -114,10 +114,11 @@ def _page_of(world: World, atlas: Atlas, w: int, k: int) -> tuple[Grid, Costs]:
 
 @kernel
 def _what_for(world: World, w: int, k: int) -> int:
-    """Return a digest of lot, slot and obstacles of a vehicle."""
-    course, parker = world.rules[w].course, world.parking.parkers[w, k]
-    site = world.walls.sites[course]
-    found = int(bits(course, k, _parts(parker.x - site.x0), _parts(parker.y - site.y0)) >> SHIFT)
+    """Return a digest of what a field depends on: lot, goal, width and obstacles of a vehicle."""
+    course, vehicle = world.rules[w].course, world.vehicles[w, k]
+    site, goal = world.walls.sites[course], goal_of(vehicle, world.parking.parkers[w, k])
+    found = int(bits(course, k, _parts(goal.x - site.x0), _parts(goal.y - site.y0)) >> SHIFT)
+    found = int(bits(found, _parts(vehicle.width), 0, 0) >> SHIFT)
     for block in world.parking.blocks[w]:
         if block.kind != codes.NOTHING:
             x, y = _parts(block.x - site.x0), _parts(block.y - site.y0)
