@@ -6,7 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from race_agents.policies.registry import CONFIG, EVALUATION, POLICY, SHIPPED, runs_folder
+from race_agents.policies.registry import (
+    CONFIG,
+    EVALUATION,
+    SHIPPED,
+    name_of,
+    policies_of_runs,
+)
 from race_agents.policies.session import Policy
 from race_server.errors import DriverError
 from race_server.scenario.text_files import MOST_TOML, parse_toml, read_text
@@ -40,8 +46,8 @@ def entries() -> list[PolicyEntry]:
         for path in sorted(SHIPPED.glob("*.onnx"))
     ]
     runs = [
-        _entry(path.parent.name, path, path.with_name(EVALUATION), _title(path), is_run=True)
-        for path in sorted(runs_folder().glob(f"*/{POLICY}"))
+        _entry(name_of(path.parent), path, path.with_name(EVALUATION), _title(path), is_run=True)
+        for path in policies_of_runs()
     ]
     return [*shipped, *runs]
 

@@ -54,10 +54,15 @@ def name_of(run: Path) -> str:
     return whole.relative_to(runs).as_posix() if whole.is_relative_to(runs) else str(whole)
 
 
+def policies_of_runs() -> list[Path]:
+    """Return the policies of the user's runs, of those that learned together each."""
+    runs = runs_folder()
+    return sorted(path for depth in ("*", "*/*") for path in runs.glob(f"{depth}/{POLICY}"))
+
+
 def policy_names() -> list[str]:
     """Return the names of bundled policies and of runs that have one."""
-    found = [path for runs in ("*", "*/*") for path in runs_folder().glob(f"{runs}/{POLICY}")]
-    runs = {name_of(path.parent) for path in found}
+    runs = {name_of(path.parent) for path in policies_of_runs()}
     return sorted(runs | {path.stem for path in SHIPPED.glob("*.onnx")})
 
 

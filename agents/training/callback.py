@@ -134,7 +134,7 @@ class TrainingCallback(BaseCallback):
             self.examine()
 
     def examine(self) -> None:
-        """Evaluate the policy, and save it if it is the best so far.
+        """Evaluate the policy, and save it if it is the best so far, or reaches the goal.
 
         Raises:
             DivergedError: the network has diverged.
@@ -144,11 +144,11 @@ class TrainingCallback(BaseCallback):
         self._save()
         self.last = self.examiner.examine(self.decide)
         score = self.last[-1].score(self.settings.evaluation.score)
-        if score > self.best_score:
+        self.reached = self.last[-1].reaches(self.settings.goal)
+        if score > self.best_score or self.reached:
             self.best, self.best_score = self.last, score
             basis = basis_of(self.settings)
             save_checkpoint(self._folder / BEST, self.model, self._world, self.budget, score, basis)
-        self.reached = self.last[-1].reaches(self.settings.goal)
         self._look(self.last[-1])
 
     def _save(self) -> None:

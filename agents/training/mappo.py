@@ -80,6 +80,9 @@ class Mappo(FastPpo):
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": CentralPolicy}
 
     def _setup_model(self) -> None:
+        for name, is_set in (("clip_range_vf", self.clip_range_vf), ("use_sde", self.use_sde)):
+            if is_set:
+                raise ScenarioError(f"algorithm mappo takes no option {name}; leave it out")
         world: Any = self.env
         size = world.race_states.shape[1]
         self.policy_kwargs["state_size"] = size

@@ -50,7 +50,7 @@ class SelfPlay:
         self._file = folder / RATINGS
         self._world = world
         played = settings.self_play
-        self._stretch = -1
+        self._stretch, self._resumed_at = -1, done
         self._snapshot = done // played.snapshot
 
     def go_on(self, learner: Any, done: int) -> bool:
@@ -71,6 +71,9 @@ class SelfPlay:
         metadata = metadata_from(self.settings, courses_of(self.settings))
         export_policy(path, learner, self._world, metadata)
         self.rivals.add(path)
+        # One that a run reached before it was killed is another network of the same name.
+        name = short_name(driver_of(path))
+        self.races = [race for race in self.races if name not in {driver for driver, _ in race}]
         self.races += self._raced(path)
         self.ratings = ratings(self.races)
         _write(self._file, self.races, self.ratings)
@@ -82,7 +85,9 @@ class SelfPlay:
         return next((one for one in self.ratings if one.driver in names), None)
 
     def _chance(self, what: str, number: int) -> Random:
-        return Random(f"{self.settings.seed}-{what}-{number}")
+        """Return chance for a stretch or a rating: another one in a run that goes on."""
+        again = f"-{self._resumed_at}" if self._resumed_at else ""
+        return Random(f"{self.settings.seed}-{what}-{number}{again}")
 
     def _exchange(self, learner: Any) -> None:
         """Begin the next stretch: new opponents, new places on the grid."""

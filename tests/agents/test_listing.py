@@ -32,6 +32,16 @@ def test_figures_that_are_none_are_left_out(
     run.mkdir()
     shutil.copy(SHIPPED / "time-trial.onnx", run / POLICY)
     (run / EVALUATION).write_text(evaluation)
-    monkeypatch.setattr("race_agents.policies.listing.runs_folder", lambda: tmp_path)
+    monkeypatch.setattr("race_agents.policies.registry.runs_folder", lambda: tmp_path)
     (mine,) = [one for one in entries() if one.is_run]
     assert (mine.vehicle, mine.evaluation.get("speed")) == ("tt02", speed)
+
+
+def test_policies_that_learned_together_are_listed_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("race_agents.policies.registry.runs_folder", lambda: tmp_path)
+    for name in ("alone", "duel/red", "duel/blue"):
+        (tmp_path / name).mkdir(parents=True)
+        shutil.copy(SHIPPED / "time-trial.onnx", tmp_path / name / POLICY)
+    assert [one.name for one in entries() if one.is_run] == ["alone", "duel/blue", "duel/red"]

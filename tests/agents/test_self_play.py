@@ -11,11 +11,11 @@ import pytest
 from race_agents.drivers.learned import Learned
 from race_agents.policies.registry import policy_path
 from race_agents.policies.session import Policy
-from race_agents.training import curve
+from race_agents.training import curve, folder
 from race_agents.training.callback import CURVE
 from race_agents.training.rivals import Rivals, short_name
 from race_agents.training.run import TrainingResult
-from race_agents.training.self_play import RATINGS, _read, _write
+from race_agents.training.self_play import RATINGS, SelfPlay, _read, _write
 from race_agents.training.settings import SelfPlaySettings
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import training_task
@@ -34,7 +34,7 @@ from race_server.errors import ScenarioError
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
 from support.briefings import briefing
-from support.trainings import SMALL, Train, side_by_side
+from support.trainings import SMALL, Train, side_by_side, untrained
 
 QUICK = (
     *SMALL,
@@ -119,6 +119,21 @@ def test_ratings_are_whole_or_those_before(tmp_path: Path, monkeypatch: pytest.M
         _write(tmp_path / RATINGS, [*races, *races], [])
     assert _read(tmp_path / RATINGS)[0] == races
     assert list(tmp_path.iterdir()) == [tmp_path / RATINGS]
+
+
+def test_a_snapshot_that_is_taken_again_is_rated_by_its_last_races(
+    outcome: TrainingResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = folder.settings_in(outcome.folder)
+    _, world, learner = untrained(settings)
+    played = SelfPlay(settings, tmp_path, world, 0)
+    raced = iter([[[("learner-1000", 1), ("idm", 2)]], [[("idm", 1), ("learner-1000", 2)]]])
+    monkeypatch.setattr(SelfPlay, "_raced", lambda *_: next(raced))
+    monkeypatch.setattr("race_agents.training.self_play.short_name", lambda _: "learner-1000")
+    for _ in range(2):
+        played.keep(learner, 1000)
+    assert played.races == [[("idm", 1), ("learner-1000", 2)]]
+    world.close()
 
 
 def test_seats_that_do_not_fit_the_race_are_named() -> None:

@@ -172,6 +172,13 @@ def test_the_critic_of_mappo_knows_the_race_and_its_actor_does_not(tmp_path: Pat
     assert not np.array_equal(worth, network.critic.answer(known))
 
 
+@pytest.mark.parametrize("option", ["clip_range_vf=0.2", "use_sde=true"])
+def test_an_option_that_mappo_does_not_take_is_named(option: str) -> None:
+    name = option.partition("=")[0]
+    with pytest.raises(ScenarioError, match=f"^algorithm mappo takes no option {name}; leave it"):
+        untrained(settings_of("[]", "algorithm.name=mappo", f"algorithm.options.{option}"))
+
+
 def test_a_kart_comes_first_in_its_own_state_of_the_race() -> None:
     races = SharedRaces(settings_of("[{name = 'red', karts = 3}, {name = 'blue'}]"))
     blue = Seats(races, settings_of("[{name = 'red', karts = 3}, {name = 'blue'}]"), 1)

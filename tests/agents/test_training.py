@@ -15,6 +15,7 @@ from race_agents.training.checkpoint import load_checkpoint, save_checkpoint
 from race_agents.training.evaluation import Examiner, basis_of
 from race_agents.training.export import difference, export_policy, metadata_from
 from race_agents.training.learner import CLASSES
+from race_agents.training.race_marks import RaceMarks
 from race_agents.training.run import TrainingResult, train, warn_of_lidar
 from race_agents.training.settings_toml import read_settings
 from race_agents.training.tasks import validation_courses
@@ -96,6 +97,22 @@ def test_an_evaluation_of_fewer_decisions_is_made_again(
         (tmp_path / name).write_bytes((outcome.folder / name).read_bytes())
     (tmp_path / "evaluation.json").write_text('{"steps": 1000}')
     assert train(folder.settings_in(tmp_path), tmp_path, resume=True).evaluation["steps"] == 2000
+
+
+def test_the_policy_that_reaches_the_goal_is_the_one_that_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first is faster and crashes; the second does not, as the goal asks."""
+    marks = [
+        RaceMarks("oval", speed, rate, 1.0, None, 0.0, 1)
+        for speed, rate in ((3.0, 0.25), (2.9, 0.0))
+    ]
+    shown = iter([*marks, marks[1], marks[1]])
+    monkeypatch.setattr(Examiner, "examine", lambda *_: [next(shown)])
+    done = train(read_settings("time-trial-ppo", (*QUICK, "goal.crash_rate=0.0")), tmp_path)
+    assert done.evaluation["goal_reached"]
+    best = torch.load(tmp_path / BEST, weights_only=True)
+    assert best["score"] == pytest.approx(2.9)
 
 
 def test_every_rollout_is_learned_from(tmp_path: Path) -> None:
