@@ -38,7 +38,7 @@ SIX_STAGES = stages(STEPS_OF_YARD, 0.5)
 # The final configuration, for scenario 2. With random brakes a kart hardly moves, and PPO never
 # starts: the untrained network does not brake.
 SCENARIO_2 = (
-    'parking.lots=["yard-70"]',
+    'parking.lots=["yard-70-east"]',
     "parking.level=report-a-2",
     "observation=report_a",
     "action=report_a",
@@ -61,6 +61,10 @@ HALVES_WORD = (
     "Products between two layers have factors of bfloat16 (8 bits) where the processor has units "
     "for it, and sums of float32. The report's network multiplies float32."
 )
+
+# The report draws the place of a slot, and its network does not see how one lies, yet stands
+# straight in nearly all: so its slots lie one way.
+ONE_WAY = "Slots lie one way: the report draws their place, and its network does not see a heading."
 
 STEPS = 4_000_000  # to which the learning rates of the preset belong
 
@@ -102,7 +106,17 @@ ASSUMPTIONS = (
     "The report counts hours of a wall clock with stretches of a flat curve taken out.",
     "Each update is that of Stable-Baselines3's PPO.",
 )
-RATE = (
-    "The learning rate falls by 2 % to the end. The report's falls evenly to zero at 200 million "
-    "steps, so by 2 % in the first 4 million."
-)
+ZERO_AT = 200_000_000  # decisions at which the report's learning rate comes to zero
+
+
+def rate(steps: int) -> tuple[str, str]:
+    """Return the change of settings for the report's learning rate, and a sentence on it."""
+    share = steps / ZERO_AT
+    return f"algorithm.last_learning_rate={1e-4 * (1.0 - share):.3g}", (
+        f"The learning rate falls by {share:.0%} to the end. The report's falls evenly to zero at "
+        f"{ZERO_AT // 1_000_000} million steps, so by as much in the first {steps // 1_000_000} "
+        "million."
+    )
+
+
+RATE_WORD = rate(STEPS)[1]  # of the preset

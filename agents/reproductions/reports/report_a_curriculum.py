@@ -8,8 +8,9 @@ from race_agents.reproductions.report_a import (
     GAIL,
     HALVES,
     HALVES_WORD,
+    ONE_WAY,
     PARKED,
-    RATE,
+    RATE_WORD,
     SCENARIO_2,
     SIX_STAGES,
     SOURCE,
@@ -24,7 +25,7 @@ REPRODUCTION = Reproduction(
     title="Aids to exploration: stages, curiosity, imitation by GAIL, cloning",
     source=f"{SOURCE}: time until it converged, of one run each",
     preset="report-a",
-    changes=HALVES,
+    changes=('parking.lots=["zone-30-east"]', *HALVES),
     rows=(
         Variant("scenario 1, at once", theirs=("98.0", "1 h", "")),
         Variant(
@@ -61,8 +62,9 @@ REPRODUCTION = Reproduction(
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
-        RATE,
+        RATE_WORD,
         HALVES_WORD,
+        ONE_WAY,
         "Its stages were made by hand and are not printed. Ours begin near the slot: of the zone "
         "at most 6, 12, 20 m away and then anywhere, of the yard at most 8, 16, 28, 42, 56 m. The "
         "next one begins once 80 % of the last 200 episodes park, and all within half of the "

@@ -9,8 +9,9 @@ from race_agents.reproductions.report_a import (
     HALVES,
     HALVES_WORD,
     KARTS,
+    ONE_WAY,
     PARKED,
-    RATE,
+    RATE_WORD,
     SIX_STAGES,
     SOURCE,
     STEPS,
@@ -55,8 +56,9 @@ REPRODUCTION = Reproduction(
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
-        RATE,
+        RATE_WORD,
         HALVES_WORD,
+        ONE_WAY,
         "Its third row is POCA with three aids and no stages. With one kart that learns it is PPO "
         "with another critic: the baseline that leaves its action out knows what the critic knows. "
         "It multiplies float32.",

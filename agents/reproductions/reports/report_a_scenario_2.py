@@ -5,8 +5,9 @@ from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
     HALVES,
     HALVES_WORD,
+    ONE_WAY,
     PARKED,
-    RATE,
+    RATE_WORD,
     SCENARIO_2,
     SIX_STAGES,
     SOURCE,
@@ -58,8 +59,9 @@ REPRODUCTION = Reproduction(
     plotted=PARKED,
     assumptions=(
         *ASSUMPTIONS,
-        RATE,
+        RATE_WORD,
         HALVES_WORD,
+        ONE_WAY,
         "The penalty of the distance is of metres divided by the 70 m of the yard, so that it sums "
         "to 1 in a minute at most; in metres it may sum to 66.",
         "The report takes that penalty away once the mean return no longer rises, to see it go to "
