@@ -51,7 +51,7 @@ class Rivals:
         return chance.choice(self.settings.anchors)
 
     def against(self, snapshot: Path, seats: int, chance: Random) -> tuple[str, ...]:
-        """Return opponents to rate a snapshot by: as many as there are seats, drawn by lot."""
+        """Return opponents to rate a snapshot by: as many as there are seats, at random."""
         others = [driver_of(path) for path in self.snapshots if path != snapshot]
         return _in_turn([*self.settings.anchors, *others], seats, chance)
 

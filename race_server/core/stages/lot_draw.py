@@ -4,29 +4,32 @@ Each use of chance has a stream and counters for itself, so that one more block 
 else. What would stand in a wall, or in something drawn before it, is drawn again.
 """
 
-import math
-
 from race_server.core import codes
 from race_server.core.kernels.boxes import (
     Hull,
     box_count,
-    box_of,
     grown,
     hull_of,
     most_boxes,
 )
-from race_server.core.kernels.contacts import box_on_box
 from race_server.core.kernels.geometry import cos_sin, wrap_angle
 from race_server.core.kernels.jit import kernel, large_kernel
 from race_server.core.kernels.rng import (
-    BLOCK_STREAM,
     PLACE_STREAM,
     SLOT_STREAM,
     TAKEN_STREAM,
     uniform,
 )
 from race_server.core.kernels.trailers import place_in_line, straighten
-from race_server.core.lots import BLOCKS, GOAL, START
+from race_server.core.lots import GOAL, START
+from race_server.core.stages.block_draw import (
+    DRAWS,
+    SLOT_ROOM,
+    TRIES,
+    draw_blocks,
+    overlap,
+    slot_hull,
+)
 from race_server.core.stages.blocks import block_hull, is_near_block
 from race_server.core.stages.people import place_walker
 from race_server.core.stages.wall_contacts import is_outside_of_walls
@@ -34,12 +37,8 @@ from race_server.core.stages.zones import point_in, zone_for
 from race_server.core.state import Record, World
 from race_server.core.vehicles import TRAILERS
 
-# Something is drawn at most this many times; then the last draw stays.
-TRIES = 32
-# Room around a vehicle at its start, and around a slot [m].
-START_ROOM, SLOT_ROOM = 0.3, 0.6
-# Numbers drawn for each try.
-DRAWS = 8
+# Room around a vehicle at its start [m].
+START_ROOM = 0.3
 
 
 @large_kernel
@@ -55,7 +54,7 @@ def draw_lot(world: World, w: int) -> None:
     # The first blocks are the boxes of the vehicles themselves, once they stand.
     own = parking.parkers.shape[1] * most_boxes(world.vehicles[w])
     following = _take_slots(world, w, own)
-    _draw_blocks(world, w, following)
+    draw_blocks(world, w, following)
     for k in range(parking.parkers.shape[1]):
         if world.bodies[w, k].status != codes.ABSENT:
             _draw_start(world, w, k)
@@ -148,35 +147,6 @@ def _is_wanted(world: World, w: int, k: int, number: int) -> bool:
 
 
 @kernel
-def slot_hull(parker: Record, room: float) -> Hull:
-    """Return the rectangle of a vehicle's slot, with `room` [m] around it. parker: PARKER."""
-    half_length, half_width = 0.5 * parker.length, 0.5 * parker.width
-    slot = Hull(parker.x, parker.y, parker.heading, 0.0, half_length, half_width, 0)
-    return grown(slot, room)
-
-
-@kernel
-def _hull_of_start(world: World, w: int, k: int) -> Hull:
-    """Return the rectangle of the slot that a vehicle starts in, with room around it."""
-    lots = world.parking.lots
-    number = lots.lots[world.rules[w].course].slot_start + world.parking.parkers[w, k].began
-    slot = lots.slots[number]
-    half_length, half_width = 0.5 * slot.length, 0.5 * slot.width
-    return grown(Hull(slot.x, slot.y, slot.heading, 0.0, half_length, half_width, 0), SLOT_ROOM)
-
-
-@kernel
-def _overlap(one: Hull, other: Hull) -> bool:
-    """Return whether two rectangles overlap."""
-    dx, dy = one.x - other.x, one.y - other.y
-    near = one.half_length + one.half_width + other.half_length + other.half_width
-    near += abs(one.offset) + abs(other.offset)
-    if dx * dx + dy * dy >= near * near:
-        return False
-    return bool(box_on_box(box_of(one), box_of(other))[0] > 0.0)
-
-
-@kernel
 def _is_slot_free(world: World, w: int, k: int) -> bool:
     """Return whether the slot of a vehicle overlaps none before it, and no wall if drawn freely."""
     parkers = world.parking.parkers[w]
@@ -184,7 +154,7 @@ def _is_slot_free(world: World, w: int, k: int) -> bool:
         return True
     mine = slot_hull(parkers[k], 0.0)
     for other in range(k):
-        if _overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
+        if overlap(mine, slot_hull(parkers[other], SLOT_ROOM)):
             return False
     return is_outside_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
@@ -209,61 +179,6 @@ def _take_slots(world: World, w: int, first: int) -> int:
         block.kind = codes.KART_HIT
         following += 1
     return following
-
-
-@kernel
-def _draw_blocks(world: World, w: int, first: int) -> None:
-    """Draw the loose blocks of one world, clear of slots and of each other.
-
-    first: number of the first block to use.
-    """
-    parking, seed = world.parking, world.races[w].seed
-    lot = parking.lots.lots[world.rules[w].course]
-    more = lot.blocks_most - lot.blocks_least + 1
-    wanted = lot.blocks_least + int(uniform(seed, BLOCK_STREAM, 0, 0) * more)
-    for number in range(first, min(first + wanted, parking.blocks.shape[1])):
-        _draw_block(world, w, number)
-
-
-@kernel
-def _draw_block(world: World, w: int, number: int) -> None:
-    """Draw one block; one that finds no room in all tries stays away."""
-    parking, seed = world.parking, world.races[w].seed
-    lot = parking.lots.lots[world.rules[w].course]
-    block = parking.blocks[w, number]
-    for attempt in range(TRIES):
-        first = attempt * DRAWS
-        zone = zone_for(world, w, BLOCKS, uniform(seed, BLOCK_STREAM, number, first))
-        if zone < 0:
-            return
-        share_x = uniform(seed, BLOCK_STREAM, number, first + 1)
-        share_y = uniform(seed, BLOCK_STREAM, number, first + 2)
-        block.x, block.y = point_in(parking.lots.zones[zone], share_x, share_y)
-        block.heading = (2.0 * uniform(seed, BLOCK_STREAM, number, first + 3) - 1.0) * math.pi
-        span = 0.5 * (lot.block_most - lot.block_least)
-        least = 0.5 * lot.block_least
-        block.half_length = least + span * uniform(seed, BLOCK_STREAM, number, first + 4)
-        block.half_width = least + span * uniform(seed, BLOCK_STREAM, number, first + 5)
-        if _has_block_room(world, w, number):
-            block.kind = codes.OBSTACLE
-            return
-
-
-@kernel
-def _has_block_room(world: World, w: int, number: int) -> bool:
-    """Return whether a block overlaps no wall, no slot that is taken and no block before it."""
-    parking, mine = world.parking, block_hull(world.parking.blocks[w, number])
-    for k in range(parking.parkers.shape[1]):
-        parker = parking.parkers[w, k]
-        if _overlap(mine, slot_hull(parker, SLOT_ROOM)):
-            return False
-        if parker.began >= 0 and _overlap(mine, _hull_of_start(world, w, k)):
-            return False
-    for other in range(number):
-        block = parking.blocks[w, other]
-        if block.kind != codes.NOTHING and _overlap(mine, block_hull(block)):
-            return False
-    return is_outside_of_walls(world.walls, world.walls.sites[world.rules[w].course], mine)
 
 
 @kernel
@@ -350,12 +265,12 @@ def _has_box_room(world: World, w: int, k: int, mine: Hull) -> bool:
         return False
     reach = mine.half_length + mine.half_width + abs(mine.offset)
     for block in world.parking.blocks[w]:
-        if is_near_block(block, mine.x, mine.y, reach) and _overlap(mine, block_hull(block)):
+        if is_near_block(block, mine.x, mine.y, reach) and overlap(mine, block_hull(block)):
             return False
     for other in range(k):
         rival, vehicle = world.bodies[w, other], world.vehicles[w, other]
         if rival.status != codes.ABSENT:
             for number in range(box_count(vehicle)):
-                if _overlap(mine, hull_of(vehicle, rival, number)):
+                if overlap(mine, hull_of(vehicle, rival, number)):
                     return False
     return True
