@@ -232,7 +232,7 @@ class ControlUnit:
         """Brake for what stands ahead until the kart stands, and then until the way is free.
 
         A driver that releases the pedal, or backs away, may try again. For another kart, which
-        drives on, the brakes are on only while it is in danger.
+        drives on, the brakes are on only while it is in danger, or right before this one.
         """
         speed, ways = arcs.speed, (arcs.speed, arcs.now, arcs.wanted, self.limits)
         danger = self.danger = worst_ahead(self.objects.tracks, self.loose, arcs, self.limits)

@@ -195,7 +195,10 @@ def ways_out(speed: float, limits: Limits) -> list[float]:
 
 
 def watch_creeping(echoes: Echoes, wanted: float, room: float, limits: Limits) -> Verdict:
-    """Hold a kart that stands right before a person from driving on. room: [m] to be free."""
+    """Hold a kart from driving on while anything but a border is right before it, at any speed.
+
+    room: [m] to be free.
+    """
     return _watch_ways(echoes, (wanted,), room, limits)
 
 
