@@ -78,7 +78,7 @@ def test_a_policy_is_verified_in_its_own_lot_and_in_unseen_ones(run: TrainingRes
 def test_a_list_of_policies_shows_how_many_park(
     run: TrainingResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("race_agents.policies.listing.runs_folder", lambda: run.folder.parent)
+    monkeypatch.setattr("race_agents.policies.registry.runs_folder", lambda: run.folder.parent)
     (mine,) = [one for one in entries() if one.is_run]
     assert mine.lots == ("face-to-face",)
     assert mine.evaluation["success_rate"] == run.evaluation["lots"][-1]["success_rate"]
