@@ -76,6 +76,7 @@ def test_every_report_has_its_reproductions() -> None:
         "report-b-units",
         "report-a-curriculum",
         "report-a-karts",
+        "report-a-curriculum",
         "report-a-parking-aids",
         "report-a-scenario-1",
         "report-a-scenario-2",
@@ -103,6 +104,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
     "name",
     [
         "park-gate",
+        "report-a-curriculum",
         "report-a-parking-aids",
         "report-a-scenario-1",
         "report-a-transfer",
