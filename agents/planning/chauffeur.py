@@ -115,14 +115,15 @@ class Chauffeur:
         way, record = self._way, cockpit.vehicle
         safe, passage = way.safe_speed(record, points, count), self._passage
         cleared = passage.speed(int(way.progress[0]), self._vehicle) if passage else math.inf
-        turned = self._rested_s >= RESTED_S
-        command = way.command(record, later, angle, min(safe, cleared), turned=turned)
-        self._note_wheels(now.steering, command.steering)
+        cap = min(safe, cleared)
+        command = way.command(record, later, angle, cap, turned=False)
+        if self._have_come_to_rest(now.steering, command.steering):
+            command = way.command(record, later, angle, cap, turned=True)
         self._judge(way, later, angle, is_blocked=safe <= 0.0, is_held=cleared <= 0.0)
         return command
 
-    def _note_wheels(self, angle: float, wanted: float) -> None:
-        """Count the time in which the wheels rest and the same angle of them is asked for.
+    def _have_come_to_rest(self, angle: float, wanted: float) -> bool:
+        """Return whether the wheels have rested for long while the same angle was asked for.
 
         angle: of the wheels [rad]; wanted: asked for, as a share of the limit.
         """
@@ -132,6 +133,7 @@ class Chauffeur:
         self._wheels = angle
         if not is_same:
             self._wanted = wanted
+        return self._rested_s >= RESTED_S
 
     def _forget_way(self) -> None:
         self._asked: Future[Path] | None = None

@@ -76,7 +76,6 @@ def test_every_report_has_its_reproductions() -> None:
         "report-b-units",
         "report-a-curriculum",
         "report-a-karts",
-        "report-a-curriculum",
         "report-a-parking-aids",
         "report-a-scenario-1",
         "report-a-scenario-2",

@@ -275,6 +275,12 @@ def test_a_car_parks_by_its_answers_of_a_tenth_of_a_second_ago() -> None:
         assert np.hypot(*(one.end[:2] - one.order.slot[:2])) < 0.5
 
 
+def test_a_car_that_changes_its_direction_turns_its_wheels_before_it_drives() -> None:
+    # Reversed in, in tasks with three legs and more.
+    spec = ExamSpec("aisle-90", [3, 8, 9], level="precise", delay_s=0.1, noise=0.05)
+    assert [one.figures["ending"] for one in drive_exam(spec, "valet")] == ["parked"] * 3
+
+
 def test_wheels_with_more_play_than_a_leg_allows_keep_no_vehicle_standing() -> None:
     spec = ExamSpec("aisle-90", [1], gap=RealityGap(steering_play=(0.12, 0.12)))
     (one,) = drive_exam(spec, "valet")
