@@ -10,7 +10,7 @@ from race_agents.planning.delay_compensation import angle_later, move_on
 from race_agents.planning.latency import LATENCY
 from race_agents.planning.parking_plan import box_in, chart_of, is_settled
 from race_agents.planning.path import Path
-from race_agents.planning.path_follower import RESTED_S, STANDING, TURNED
+from race_agents.planning.path_follower import STANDING
 from race_agents.planning.planner_process import ask_plan, get_ready
 from race_agents.planning.turn_taking import Passage
 from race_agents.planning.way import Way, axle_of
@@ -38,8 +38,6 @@ PAUSE_S = 1.0
 SETTLED_S = 0.5
 # For this share of the time between two commands a vehicle that stands waits for its plan.
 WAIT_SHARE = 0.8
-# Wheels rest that turn less than this [rad] from one decision to the next.
-RESTING = 1e-3
 HOLD = Command(0.0, 0.0, 1.0)
 
 
@@ -70,9 +68,6 @@ class Chauffeur:
         self._passage: Passage | None = None
         self._failures, self._changes = 0, -1
         self._wait_s = 0.0
-        # The angle of the wheels [rad], the one asked for as a share of the limit, and for how long
-        # [s] the wheels have rested since it was.
-        self._wheels, self._wanted, self._rested_s = 0.0, 0.0, 0.0
         self._forget_way()
         if traffic is not None:
             traffic.aim(seat, box_in(order.slot, vehicle))
@@ -115,25 +110,9 @@ class Chauffeur:
         way, record = self._way, cockpit.vehicle
         safe, passage = way.safe_speed(record, points, count), self._passage
         cleared = passage.speed(int(way.progress[0]), self._vehicle) if passage else math.inf
-        cap = min(safe, cleared)
-        command = way.command(record, later, angle, cap, turned=False)
-        if self._have_come_to_rest(now.steering, command.steering):
-            command = way.command(record, later, angle, cap, turned=True)
+        command = way.command(record, later, angle, min(safe, cleared))
         self._judge(way, later, angle, is_blocked=safe <= 0.0, is_held=cleared <= 0.0)
         return command
-
-    def _have_come_to_rest(self, angle: float, wanted: float) -> bool:
-        """Return whether the wheels have rested for long while the same angle was asked for.
-
-        angle: of the wheels [rad]; wanted: asked for, as a share of the limit.
-        """
-        is_same = abs(wanted - self._wanted) * self._vehicle.steering_limit < TURNED
-        rests = is_same and abs(angle - self._wheels) < RESTING
-        self._rested_s = self._rested_s + self._step_s if rests else 0.0
-        self._wheels = angle
-        if not is_same:
-            self._wanted = wanted
-        return self._rested_s >= RESTED_S
 
     def _forget_way(self) -> None:
         self._asked: Future[Path] | None = None

@@ -143,13 +143,12 @@ def follow_towed(
     motion: Motion,
     angle: float,
     cap: float,
-    turned: bool = False,
 ) -> Command:
     """Return what to do now to stay on a track; at its end the brakes hold.
 
     track: (S, COLUMNS); progress: (1,) number of the point that was passed last, moved on here;
     vehicle: VEHICLE; motion: of the centre of gravity; angle: at the hitch [rad]; cap: most speed
-    [m/s], above it all brakes act; turned: whether the wheels come no nearer to their angle.
+    [m/s], above it all brakes act.
     """
     pose = axle_of(vehicle, motion)
     gear = track[int(progress[0]), GEAR]
@@ -162,8 +161,8 @@ def follow_towed(
     if gear > 0.0:
         pursuit = PURSUIT * (vehicle.front_axle + vehicle.rear_axle)
         curvature = pursue(track, spot, led.x, led.y, led.heading, motion.speed, pursuit)
-        return drive_on(track, spot, vehicle, motion, curvature, 1.0, cap, turned)
+        return drive_on(track, spot, vehicle, motion, curvature, 1.0, cap)
     curvature = _curvature_back(track, spot, rig, led, angle, motion.speed)
     planned = track[spot.point, ANGLE]
     ratio = max(way_behind(rig, planned, track[spot.point, CURVATURE]), LEAST_RATIO)
-    return drive_on(track, spot, vehicle, motion, curvature, ratio, cap, turned)
+    return drive_on(track, spot, vehicle, motion, curvature, ratio, cap)

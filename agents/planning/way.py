@@ -62,19 +62,15 @@ class Way:
         axles = rear_axles(track[np.union1d(cusps, evenly)], self._vehicle)
         return convert(axles, self._vehicle, Point.REAR_AXLE, Point.MIDDLE)[:, :2]
 
-    def command(
-        self, record: Any, motion: Motion, angle: float, cap: float, *, turned: bool
-    ) -> Command:
+    def command(self, record: Any, motion: Motion, angle: float, cap: float) -> Command:
         """Return what to do now to stay on the way.
 
         record: VEHICLE; motion: of the centre of gravity; angle: at the hitch [rad], 0 without a
-        trailer; cap: most speed [m/s]; turned: whether the wheels come no nearer to their angle.
+        trailer; cap: most speed [m/s].
         """
         if self._rig is None:
-            return follow(self.track, self.progress, record, motion, cap, turned)
-        return follow_towed(
-            self.track, self.progress, record, self._rig, motion, angle, cap, turned
-        )
+            return follow(self.track, self.progress, record, motion, cap)
+        return follow_towed(self.track, self.progress, record, self._rig, motion, angle, cap)
 
     def safe_speed(self, record: Any, points: Floats, count: int) -> float:
         """Return the most speed [m/s] at which the vehicle can stop before what it sees.
