@@ -16,7 +16,7 @@ from race_agents.reproductions.report_a import (
 )
 
 _NOTHING = "–"
-# To park is learned in five million decisions, to stand straight in nine.
+# To park is learned in four to five million decisions, to stand straight in nine or more.
 _STEPS = 12_000_000
 _RATE, _RATE_WORD = rate(_STEPS)
 _ANY_HEADING = 'parking.lots=["zone-30"]'
