@@ -163,7 +163,7 @@ class Reproduction:
 
     def runs_of(self, row: Variant, scale: TrainingScale) -> int:
         """Return the number of runs of a row: one where nothing is learned, as all are equal."""
-        return scale.seeds if row.steps_share else min(scale.seeds, 1)
+        return scale.seeds if row.steps_share else 1
 
     def runs_wanted(self, scale: TrainingScale) -> int:
         """Return the number of runs of all rows."""

@@ -84,12 +84,12 @@ def reproduce(
     outcomes = [outcome for outcome in known if outcome is not None]
     there = {(outcome["row"], outcome["seed"]) for outcome in outcomes}
     missing = [training for training in wanted if (training.row.name, training.seed) not in there]
-    failed: list[ScenarioError] = []
+    failed: list[str] = []
     done, stopped = len(wanted) - len(missing), False
     try:
         for training, outcome in _driven(missing, jobs, _telling(tell, done, len(wanted))):
             if isinstance(outcome, RaceError):
-                failed.append(ScenarioError(f"{_name(training)}: {outcome}"))
+                failed.append(f"{_name(training)}: {outcome}")
                 continue
             write_outcome(_path(store, training), outcome)
             outcomes.append(outcome)
@@ -100,7 +100,7 @@ def reproduce(
     lines = lines_of(plan, outcomes)
     document = _write(name, plan, scale, place, lines, outcomes, quick=quick)
     if failed and not stopped:
-        raise failed[0]
+        raise ScenarioError("; ".join(failed))
     return ReproductionResult(plan, scale, lines, document, stopped)
 
 
