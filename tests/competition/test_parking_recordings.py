@@ -114,4 +114,4 @@ def test_a_failed_task_is_recorded_as_the_same_task_and_driven_again_it_has_its_
         pass
     assert rerun.difference is None
     body = rerun.session.world.bodies[0, 0]
-    assert (body.x, body.y, body.heading) == pytest.approx(failed.start)
+    assert (body.x, body.y, body.heading) == pytest.approx(failed.start[:3])
