@@ -109,11 +109,12 @@ class PathPlanner:
         for name, pose in (("start", start), ("goal", goal)):
             if not all(map(math.isfinite, pose)):
                 raise PlanError(f"the {name}, {in_words(pose)}, is no place: give finite numbers")
-        farther = max(REACH, farthest_wall(start, goal, walls))
+        # Near by first: of a large area the grid has larger cells.
         try:
             return self._plan(start, goal, walls, boxes, REACH)
         except _CutOffError:
-            if farther == REACH:
+            farther = farthest_wall(start, goal, walls)
+            if farther <= REACH:
                 raise
         return self._plan(start, goal, walls, boxes, farther)
 

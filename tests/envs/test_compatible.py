@@ -99,6 +99,10 @@ def test_a_duration_of_2_seconds_at_ten_decisions_a_second_is_20_decisions() -> 
     assert [env.step([0.0, 0.0])[3] for _ in range(20)] == [False] * 19 + [True]
 
 
+def test_what_is_only_for_pictures_may_be_anything() -> None:
+    assert park(0.0, 0.0, 0.0, screen_width=None).config["screen_width"] is None
+
+
 def test_without_walls_a_car_drives_on_where_they_would_stand() -> None:
     env = park(30.0, 0.0, 0.0, speed=20.0, add_walls=False)
     for _ in range(5):

@@ -24,9 +24,7 @@ SLOT_ROOM = 0.6
 @kernel
 def slot_hull(parker: Record, room: float) -> Hull:
     """Return the rectangle of a vehicle's slot, with `room` [m] around it. parker: PARKER."""
-    half_length, half_width = 0.5 * parker.length, 0.5 * parker.width
-    slot = Hull(parker.x, parker.y, parker.heading, 0.0, half_length, half_width, 0)
-    return grown(slot, room)
+    return _grown_slot(parker.x, parker.y, parker.heading, parker.length, parker.width, room)
 
 
 @kernel
@@ -35,8 +33,14 @@ def _hull_of_start(world: World, w: int, k: int) -> Hull:
     lots = world.parking.lots
     number = lots.lots[world.rules[w].course].slot_start + world.parking.parkers[w, k].began
     slot = lots.slots[number]
-    half_length, half_width = 0.5 * slot.length, 0.5 * slot.width
-    return grown(Hull(slot.x, slot.y, slot.heading, 0.0, half_length, half_width, 0), SLOT_ROOM)
+    return _grown_slot(slot.x, slot.y, slot.heading, slot.length, slot.width, SLOT_ROOM)
+
+
+@kernel
+def _grown_slot(
+    x: float, y: float, heading: float, length: float, width: float, room: float
+) -> Hull:
+    return grown(Hull(x, y, heading, 0.0, 0.5 * length, 0.5 * width, 0), room)
 
 
 @kernel

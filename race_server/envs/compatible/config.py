@@ -46,7 +46,7 @@ def config_of(
             raise ScenarioError(
                 f"{name}: config {key!r} is {value!r}; give one like {defaults[key]!r}"
             )
-        config[key] = int(value) if type(config.get(key)) is int else value
+        config[key] = int(value) if type(defaults.get(key)) is int else value
     _check_times(name, config)
     return config
 

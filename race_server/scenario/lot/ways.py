@@ -1,6 +1,7 @@
 """Where a vehicle can get to in a car park: cells of a grid, and the regions they make."""
 
 import math
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,8 +102,11 @@ def cut_off(ways: Ways) -> list[str]:
     zones, slots = course.lot.zones, slots_of(course)
     found = []
     wide = f"{vehicle.name}, {vehicle.overall_width:.2f} m wide"
-    begins = set[int]()
     places = [ways.regions((slot.x, slot.x), (slot.y, slot.y)) for slot in slots]
+    begins = set[int]()
+    if course.lot.from_slots:  # each slot but its own is a start
+        shared = Counter(region for place in places for region in place)
+        begins = {region for region, count in shared.items() if count > 1}
     where = {
         zone: f"zone x {zone.x[0]:g} to {zone.x[1]:g}, y {zone.y[0]:g} to {zone.y[1]:g} m"
         for zone in zones
@@ -119,9 +123,7 @@ def cut_off(ways: Ways) -> list[str]:
         if zone.role == "goal" and begins.isdisjoint(ways.regions(zone.x, zone.y))
     ]
     for number, slot in enumerate(slots):
-        others = [*places[:number], *places[number + 1 :]]
-        starts = set[int]().union(*others) if course.lot.from_slots else begins
-        if starts.isdisjoint(places[number]):
+        if begins.isdisjoint(places[number]):
             found.append(
                 f"no free way leads from a start to slot {number} at ({slot.x:.2f}, {slot.y:.2f}) "
                 f"m for {wide}"
