@@ -160,7 +160,7 @@ def _crew_ready(
     """
     crew = crew_of()
     if crew.parker is not None:
-        crew.parker.take(order)
+        crew.parker.take(order, stands=True)
     try:
         if ready is not None:
             ready()

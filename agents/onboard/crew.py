@@ -18,6 +18,7 @@ class Crew:
     parker: Parker | None = None
     races_first: bool = True  # as on a course: it parks after the finish
     _is_home: bool = False
+    _epoch: int = -1  # of the race that it drives
 
     def act(
         self,
@@ -32,10 +33,12 @@ class Crew:
         has come.
         """
         parker = self.parker
+        if kart.hud is not None and kart.hud.epoch != self._epoch:
+            self._epoch, self._is_home = kart.hud.epoch, False
         self._is_home |= seen is not None and seen.scalar("finished") > 0.0
         if parker is not None:
             parker.take(order)
-            if parker.has_order and (self._is_home or not self.races_first):
+            if parker.has_order(self._epoch) and (self._is_home or not self.races_first):
                 return parker.act(kart, now_s)
         if self.racer is None:
             return STOP

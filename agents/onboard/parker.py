@@ -69,20 +69,21 @@ class Parker:
         self._layout = layout_of(PRESET, rays)
         self._step_s, self._due_s = briefing.decision_s, -math.inf
         self._known = -1, -1  # epoch and number of the newest order
+        self._stands = False  # an order that every race begins with
         self._order: ParkingOrder | None = None  # not handed to the driver yet
         self._asked: Future[Control] | None = None
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="parker")
         driver.reset(replace(briefing, preset=PRESET))
 
-    def take(self, frame: OrderFrame | None) -> None:
-        """Take an order, if it is a newer one."""
+    def take(self, frame: OrderFrame | None, *, stands: bool = False) -> None:
+        """Take an order, if it is a newer one. stands: for the races after this one, too."""
         if frame is not None and (frame.epoch, frame.sequence) > self._known:
             self._known, self._order = (frame.epoch, frame.sequence), frame.order
+            self._stands |= stands
 
-    @property
-    def has_order(self) -> bool:
-        """Whether the kart is to park."""
-        return self._known >= (0, 0)
+    def has_order(self, epoch: int) -> bool:
+        """Return whether the kart is to park in the race of this number."""
+        return self._stands or self._known[0] >= epoch
 
     def act(self, kart: KartState, now_s: float) -> Control | None:
         """Return the driver's newest answer, None where it is thinking, or nothing is due.

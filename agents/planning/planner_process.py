@@ -32,6 +32,8 @@ def ask_apart(find: Callable[..., Found], *task: Any) -> "Future[Found]":
 
     The future raises `PlanError` where the function does, or where that process has ended.
     """
+    if not _process().is_alive():
+        _process.cache_clear()
     return _process().ask(find, task)
 
 
@@ -71,6 +73,10 @@ class PlannerProcess:
             command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="planner")
+
+    def is_alive(self) -> bool:
+        """Return whether it answers."""
+        return self._process.poll() is None
 
     def ask(self, find: Callable[..., Found], task: tuple[Any, ...]) -> "Future[Found]":
         """Return an answer that is yet to come. task: the arguments of the function."""
@@ -118,6 +124,8 @@ def _serve() -> None:
             answer: object = find(*task)
         except PlanError as error:
             answer = error
+        except Exception as error:  # of one task; the next is another's
+            answer = PlanError(f"the planner raised {type(error).__name__}: {error}")
         pickle.dump(answer, answers)
         answers.flush()
 

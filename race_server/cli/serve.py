@@ -95,7 +95,7 @@ def _service_of(options: ServeOptions, log: Log) -> "Service":
         event, scenario = event_of(options, needs_line=_needs_line(fillers, inside))
     else:
         scenario = _scenario(options, fillers, inside, log)
-    valets = _valets(options) if options.lot else ()
+    valets = _valets(options) if scenario.course.lot is not None else ()
     if not is_compiled():
         log.say("compiling the simulation for this machine, once: about a minute")
     warm_up(scenario, (*inside, *valets))

@@ -185,7 +185,7 @@ class ServeOptions(RaceOptions):
     ] = 100.0
     valet: Annotated[
         str,
-        typer.Option(help="With --lot: the driver that parks a vehicle on request, in the server."),
+        typer.Option(help="Where there are slots: the driver in the server that parks on request."),
     ] = VALET
     once: Annotated[bool, typer.Option("--once", help="Exit after one race.")] = False
     review: Annotated[

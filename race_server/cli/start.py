@@ -105,7 +105,8 @@ def start_session(options: StartOptions) -> None:
     elif options.format:
         show_event(newest_event(options.record, options.session), Console())
     else:
-        show_result(document, options.place, options.laps, options.session)
+        laps = 0 if options.lot else options.laps
+        show_result(document, options.place, laps, options.session)
     if document["stopped"]:
         sys.exit(130)
 

@@ -84,7 +84,21 @@ class LocalDrivers:
             if parks_from_start(self._session.world) and isinstance(driver, ParkingDriver):
                 tell_to_park(driver, name, order_for(self._session, taken.number), self.traffic)
         except (Exception, SystemExit) as error:
-            raise _failed(name, error) from error
+            raise raised(name, error) from error
+
+    def park(self, seat: int) -> None:
+        """Give a driver that parks the order that its vehicle has now.
+
+        Raises:
+            DriverError: the driver raised.
+        """
+        driver, name = self._locals[seat].driver, self._session.seats[seat].driver
+        assert isinstance(driver, ParkingDriver)
+        try:
+            with self._suspects.asking(seat):
+                driver.park(order_for(self._session, seat))
+        except (Exception, SystemExit) as error:
+            raise raised(name, error) from error
 
     def fill(self, names: Sequence[str], *, but: Container[int] = ()) -> None:
         """Give the free seats of the lobby to drivers of these names, repeated in turn.
@@ -135,7 +149,7 @@ class LocalDrivers:
             frame = ControlFrame(session.epoch, local.sequence, session.tick, control)
             return encode_control(frame)
         except (Exception, SystemExit) as error:
-            raise _failed(taken.driver, error) from error
+            raise raised(taken.driver, error) from error
 
     def clear(self) -> None:
         """Remove all local drivers; their seats are free again."""
@@ -145,5 +159,6 @@ class LocalDrivers:
         self._locals.clear()
 
 
-def _failed(name: str, error: BaseException) -> DriverError:
+def raised(name: str, error: BaseException) -> DriverError:
+    """Return what to say of a driver that raised an error."""
     return DriverError(f"driver {name!r} raised {type(error).__name__}: {error}")

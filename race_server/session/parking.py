@@ -15,6 +15,9 @@ from race_server.errors import Reason, SeatError
 from race_server.scenario.lot.faults import TOUCH
 from race_server.scenario.lot.footprint import Footprint
 
+# In place of the number of a slot: the one that a vehicle has, or none any more.
+ITS_OWN, TO_NONE = -1, -2
+
 
 def has_lot(world: World) -> bool:
     """Return whether vehicles of a session go to slots."""
@@ -40,7 +43,7 @@ def check_slot(world: World, kart: int, slot: int) -> None:
     if not has_lot(world):
         raise SeatError("there is no car park here; serve one with --lot", Reason.DECISION)
     count = int(world.parking.lots.lots[world.rules[0].course].slot_count)
-    if slot >= count:
+    if not ITS_OWN <= slot < count:
         known = f"choose 0 to {count - 1}, or -1" if count else "this car park has none: choose -1"
         raise SeatError(f"slot {slot} does not exist; {known}", Reason.DECISION)
     if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
@@ -64,8 +67,9 @@ def free_slot(world: World, kart: int) -> int:
 
 def _is_promised(world: World, slot: int, kart: int) -> bool:
     """Return whether another vehicle than this one goes to a slot, or is parked there."""
-    parkers = world.parking.parkers[0]
-    goes = (parkers["length"] > 0.0) & (parkers["slot"] == slot)
+    parkers, statuses = world.parking.parkers[0], world.bodies["status"][0]
+    is_there = ~np.isin(statuses, (codes.ABSENT, codes.RETIRED))
+    goes = is_there & (parkers["length"] > 0.0) & (parkers["slot"] == slot)
     return bool(np.delete(goes, kart).any())
 
 
@@ -84,9 +88,15 @@ def _is_taken(world: World, slot: int) -> bool:
 
 
 def send_to(world: World, kart: int, slot: int) -> None:
-    """Give a vehicle another slot; -1 leaves it the one that it has, or gives it the first free."""
+    """Give a vehicle another slot.
+
+    ITS_OWN leaves it the one that it has, or gives it the first free; TO_NONE takes it away.
+    """
     lots = world.parking.lots
     if not has_lot(world):
+        return
+    if slot == TO_NONE:
+        world.parking.parkers[0, kart].length = 0.0
         return
     if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
         slot = free_slot(world, kart)

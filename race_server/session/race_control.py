@@ -10,7 +10,7 @@ from race_server.errors import Reason, SeatError
 from race_server.session.event_log import EventLog
 from race_server.session.interventions import Intervention, InterventionKind, carry_out
 from race_server.session.journal_entries import JournalEntries
-from race_server.session.parking import check_slot
+from race_server.session.parking import TO_NONE, check_slot, has_lot
 from race_server.session.seats import Seats
 
 
@@ -93,6 +93,11 @@ class RaceControl:
         """
         check_slot(self._world, self._seats.taken_one(number).number, slot)
         self.intervene(InterventionKind.PARK, number, float(slot))
+
+    def cancel_parking(self, number: int) -> None:
+        """Let the vehicle of a seat go to no slot any more; do nothing where it goes to none."""
+        if has_lot(self._world) and self._world.parking.parkers[0, number].length > 0.0:
+            self.intervene(InterventionKind.PARK, number, float(TO_NONE))
 
     def use_item(self, number: int) -> None:
         """Press the item button of a kart for one tick, for a person beside its driver.

@@ -164,6 +164,19 @@ def test_an_order_that_is_sent_again_is_taken_once_and_a_newer_one_replaces_it()
     crew.close()
 
 
+def test_an_order_is_of_its_race_and_one_from_the_start_of_every_race() -> None:
+    for stands, wanted in ((False, STOP), (True, Control(throttle=0.25))):
+        unit = placed_unit()
+        crew = Crew(None, parker_of(Parking()), races_first=False)
+        assert crew.parker is not None
+        crew.parker.take(order(1, epoch=HUD.epoch), stands=stands)
+        assert answered(crew, unit, 0.0) == Control(throttle=0.25)
+        unit.hear(replace(HUD, epoch=HUD.epoch + 1, sequence=0), 0.1)
+        told = crew.act(None, None, unit, 0.2)
+        assert (told or answered(crew, unit, 0.3)) == wanted
+        crew.close()
+
+
 def test_an_order_in_a_race_waits_for_the_finish() -> None:
     unit, layout = placed_unit(), layout_of("track", RAYS)
     crew = Crew(Racing(), parker_of(Parking()))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from race_agents.drivers.valet import Valet
+from race_agents.planning import planner_process
 from race_agents.planning.parking_plan import chart_of, driving_time, plan_to_slot
 from race_agents.planning.path import Path, path_of
 from race_agents.planning.path_follower import make_track
@@ -371,8 +372,18 @@ def test_another_process_plans_the_same_way() -> None:
         walled = (*asked[:3], Chart(walls, NO_BOXES))
         with pytest.raises(PlanError, match="no way leads from"):
             planner.ask(plan_to_slot, walled).result(timeout=300.0)
+        with pytest.raises(PlanError, match="the planner raised ZeroDivisionError"):
+            planner.ask(divmod, (1, 0)).result(timeout=300.0)
+        assert planner.ask(divmod, (7, 2)).result(timeout=300.0) == (3, 1)
     finally:
         planner.close()
+
+
+def test_a_planner_that_was_ended_is_started_again() -> None:
+    planner_process._process.cache_clear()
+    assert planner_process.ask_apart(divmod, 7, 2).result(timeout=300.0) == (3, 1)
+    planner_process._process().close()
+    assert planner_process.ask_apart(divmod, 9, 2).result(timeout=300.0) == (4, 1)
 
 
 def test_only_what_is_near_is_looked_for() -> None:

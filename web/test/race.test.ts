@@ -2,9 +2,11 @@ import { expect, test } from 'vitest';
 
 import { ServerClock } from '../src/race/clock';
 import { Race } from '../src/race/race.svelte';
-import { Phase } from '../src/wire/tables';
-import type { StandingsFrame } from '../src/wire/frames';
-import { event, snapshot } from './frames';
+import { clockText } from '../src/i18n/figures';
+import { ownParking } from '../src/race/ownparking';
+import { Ending, Phase, Status } from '../src/wire/tables';
+import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
+import { event, kart, roundCourse, snapshot } from './frames';
 
 function table(changes: Partial<StandingsFrame> = {}): StandingsFrame {
   return {
@@ -80,4 +82,45 @@ test('the clock of another server replaces the one before at once', () => {
   clock.note(0, 2, 1_000_000);
   clock.note(0, 10, 90_000_000);
   expect(clock.serverMs(5)).toBe(90_000);
+});
+
+function row(seat: number): StandingFrame {
+  return {
+    driver: `driver ${seat}`,
+    seat,
+    rank: 1,
+    laps: 0,
+    status: Status.RETIRED,
+    lastLapUs: 0,
+    bestLapUs: 0,
+    raceTimeUs: 0,
+    gapUs: 0,
+    penalties: 0,
+    penaltyUs: 0,
+    itemsUsed: 0,
+    lapTimesUs: [],
+    parking: { ending: Ending.WALL, slot: 0, way: 1, reversed: 0, moves: 0 },
+    planned: null,
+    timing: null,
+  };
+}
+
+test('the time of a way that ended unseen is not known, and of any other is when it ended', () => {
+  const race = new Race();
+  race.take({ ...roundCourse(), line: new Float64Array() }, 0);
+  race.take(table({ rows: [row(0), row(1)], startTick: 60 }), 0);
+  race.take(snapshot({ tick: 660, karts: [kart({ status: Status.RACING })] }), 10);
+  const done = [0, 1].map((seat) => kart({ seat, status: Status.RETIRED }));
+  race.take(snapshot({ tick: 5000, karts: done }), 20);
+  expect(ownParking(race, 0)?.seconds).toBe(10);
+  expect(ownParking(race, 1)?.seconds).toBeNaN();
+  expect(clockText(NaN)).toBe('–');
+});
+
+test('karts can be parked in a car park, and on a track with slots', () => {
+  const race = new Race();
+  race.take(roundCourse(), 0);
+  expect(race.hasSlots).toBe(false);
+  race.take({ ...roundCourse(), slots: [{ x: 0, y: 0, heading: 0, length: 3, width: 2 }] }, 0);
+  expect([race.hasSlots, race.isLot]).toEqual([true, false]);
 });

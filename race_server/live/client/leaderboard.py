@@ -1,7 +1,7 @@
 """The leaderboard and the events of a race as text for a terminal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rich.table import Table
 from rich.text import Text
@@ -67,9 +67,9 @@ class Headline:
 
 
 def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
-    """Return the standings of a race as a table."""
-    if any(row.parking for row in standings):
-        return _parking_board(replace(headline, laps=0), standings)
+    """Return the standings as a table: of a race, or in a car park of all ways to a slot."""
+    if not headline.laps and any(row.parking for row in standings):
+        return _parking_board(headline, standings)
     table = _empty_table(headline)
     for name in ("laps", "last", "best", "time", "gap", "pen.", "items"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -87,9 +87,15 @@ def leaderboard(headline: Headline, standings: Sequence[Standing]) -> Table:
             _gap(row),
             _penalties(row),
             str(row.items_used),
-            _STATUS[row.status],
+            _status(row),
         )
     return table
+
+
+def _status(row: Standing) -> str:
+    """Return how a kart fares, and its way to a slot after a race, where it goes to one."""
+    words = _STATUS[row.status]
+    return f"{words}, {_ENDINGS[row.parking.ending]}" if row.parking else words
 
 
 def _empty_table(headline: Headline) -> Table:

@@ -72,8 +72,9 @@ class RayCaster:
 
     def _things(self, frame: SnapshotFrame, seat: int, lot: LotFrame | None) -> Things:
         karts, course = frame.karts, self._course
-        # In a car park a vehicle stays where it has parked or crashed.
-        is_there = (karts["status"] == codes.RACING) | (lot is not None)
+        # In a car park a vehicle stays where it has parked or crashed; beside a track it is a block
+        # once it has parked, and one that is home or out is not there.
+        is_there = (karts["status"] == codes.RACING) | (len(course.line) == 0)
         is_seen = is_there & (karts["flags"] & KartFlag.SUSPENDED == 0)
         outlines = [np.zeros((0, 4))]
         for kart in karts[is_seen & (karts["seat"] != seat)]:

@@ -10,6 +10,7 @@ from race_server.core.messages import Fault, Flag
 from race_server.errors import Reason, SeatError
 from race_server.logs import Log
 from race_server.net.wire.admin import Decision
+from race_server.session.parking import ITS_OWN
 from race_server.session.session import Session
 
 # At most this many decisions are kept in the log.
@@ -220,14 +221,20 @@ class Steward:
         self._need_race()
         if not decision.value.is_integer():
             raise SeatError(f"slot {decision.value:g} is no number of a slot", Reason.DECISION)
-        slot, session = int(decision.value), self._session
-        seats = [decision.seat]
-        if decision.seat < 0:
-            slot, taken = -1, session.seats.taken()
-            seats = [seat.number for seat in taken if session.is_racing(seat.number)]
-        for seat in seats:
-            self._park_seat(seat, slot)
-        return f"seats {', '.join(map(str, seats))} park" + (f" in slot {slot}" * (slot >= 0))
+        slot = int(decision.value)
+        if decision.seat >= 0:
+            self._park_seat(decision.seat, slot)
+            return f"seat {decision.seat} parks" + f" in slot {slot}" * (slot >= 0)
+        told, refused = list[int](), list[str]()
+        for seat in self._session.seats.taken():
+            try:
+                self._park_seat(seat.number, ITS_OWN)
+                told.append(seat.number)
+            except SeatError as error:
+                refused.append(f"not seat {seat.number}: {error}")
+        if refused and not told:
+            raise SeatError("; ".join(refused), Reason.DECISION)
+        return "; ".join((f"seats {', '.join(map(str, told))} park", *refused))
 
     def _use(self, decision: Decision) -> str:
         self._need_race()

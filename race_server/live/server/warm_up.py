@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_server.core.driver import driver_named
+from race_server.core.driven import races_first
+from race_server.core.driver import ParkingDriver, driver_named
 from race_server.core.messages import Flag
 from race_server.core.state import PLACEMENT
 from race_server.errors import DriverError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.scenario.race import Scenario
+from race_server.session.parking import has_lot
 from race_server.session.session import Session
 
 
@@ -52,8 +54,12 @@ def _let_decide(name: str, scenario: Scenario) -> None:
     rules = replace(scenario.rules, countdown_s=0.0)
     alone = Session("rehearsal", replace(scenario, karts=1, rules=rules))
     local_drivers = LocalDrivers(alone)
-    local_drivers.admit(name, driver_named(name), 0)
+    driver = driver_named(name)
+    local_drivers.admit(name, driver, 0)
     alone.start()
+    if has_lot(alone.world) and races_first(alone.world) and isinstance(driver, ParkingDriver):
+        alone.race_control.park(0)  # it parks after a race, and is here asked before
+        local_drivers.park(0)
     alone.observe()
     local_drivers.answer(0)
 

@@ -21,7 +21,7 @@ from race_server.core.driver import (
 from race_server.core.observation import Observation
 from race_server.core.state import Floats
 from race_server.errors import DriverError, Reason, SeatError
-from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for
+from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for, raised
 from race_server.live.server.counters import Counters
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
@@ -48,6 +48,9 @@ class Wheels:
         self._session, self._local_drivers, self._valet = session, local_drivers, valet
         self._counters, self._suspects = counters, suspects
         self._valets: dict[int, Driver] = {}  # by seat
+        self._given_back: set[int] = (
+            set()
+        )  # seats that finished, and drive to their slots themselves
         self._observations = Observations(len(session.seats), session.scenario.lidar.rays)
 
     def drive(self, receive: Callable[[int, bytes], None]) -> None:
@@ -64,15 +67,20 @@ class Wheels:
                 self._lead(number)
 
     def _lead_finished(self) -> None:
-        """Take the wheels of karts that have finished a race and go to a slot."""
+        """Take the wheels of karts that have finished a race and go to a slot.
+
+        One that cannot be led does not go to a slot any more: the race would wait for it.
+        """
         session = self._session
         if not races_first(session.world):
             return
         for number in np.flatnonzero(session.world.bodies["status"][0] == codes.FINISHED).tolist():
             seat = session.seats[number]
             goes = not seat.is_tracked and are_driven(session.world)[number]
+            goes = goes and number not in self._given_back
             if goes and number not in self._valets and not self._retake(number):
                 self._counters.refused.record(Reason.DRIVER, number)
+                session.race_control.cancel_parking(number)
             elif goes and not seat.is_led:
                 session.race_control.hand_wheel(number, to_server=True)
 
@@ -98,7 +106,9 @@ class Wheels:
             control = decode_control(encode_control(frame)).control
         except (Exception, SystemExit):
             self._counters.refused.record(Reason.DRIVER, number)
-            self.release(number)
+            self._give_back(number)
+            if races_first(session.world):
+                session.race_control.cancel_parking(number)
             return
         session.seats[number].lead(control, session.tick)
 
@@ -120,42 +130,73 @@ class Wheels:
         if not (session.is_racing(number) or (after_race and is_home)):
             raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
         check_slot(session.world, number, slot)
-        local = self._local_drivers.driver_of(number)
+        inside = isinstance(self._local_drivers.driver_of(number), ParkingDriver)
         try:
             if seat.is_tracked:
                 session.race_control.park(number, slot)
-            elif after_race:
-                driver_named(self._valet)  # takes the wheel once the kart has finished
+            elif inside and not after_race:
                 session.race_control.park(number, slot)
-            elif isinstance(local, ParkingDriver):
-                session.race_control.park(number, slot)
-                local.park(order_for(session, number))
+                self._tell(number)
             else:
                 valet = driver_named(self._valet)  # before anything is recorded
                 session.race_control.park(number, slot)
-                self._take_wheel(number, valet)
-                if not seat.is_led:
-                    session.race_control.hand_wheel(number, to_server=True)
+                self._given_back.discard(number)
+                if not after_race or is_home:  # else it takes the wheel after the finish
+                    self._take_wheel(number, valet)
+                    if not seat.is_led:
+                        session.race_control.hand_wheel(number, to_server=True)
         except DriverError as error:
             raise SeatError(str(error), Reason.DRIVER) from error
+
+    def _tell(self, number: int) -> None:
+        """Give a driver inside its order; one that raises an error is out.
+
+        Raises:
+            DriverError: it raised one.
+        """
+        try:
+            self._local_drivers.park(number)
+        except DriverError:
+            self._counters.refused.record(Reason.DRIVER, number)
+            self._session.drop(number)
+            raise
 
     def _take_wheel(self, number: int, driver: Driver) -> None:
         """Let a new parking driver take a kart over.
 
         Raises:
-            DriverError: it cannot park.
+            DriverError: it cannot park, or ended a server before this one.
         """
         session = self._session
-        with self._suspects.asking(number):
-            waits = self._local_drivers.waits
-            driver.reset(briefing_for(session, session.seats[number], waits=waits))
-            order, traffic = order_for(session, number), self._local_drivers.traffic
-            tell_to_park(driver, self._valet, order, traffic)
+        if self._suspects.is_barred(number):
+            raise DriverError(f"the parking driver of seat {number} ended the server: it is barred")
+        waits, traffic = self._local_drivers.waits, self._local_drivers.traffic
+        try:
+            with self._suspects.asking(number):
+                driver.reset(briefing_for(session, session.seats[number], waits=waits))
+                tell_to_park(driver, self._valet, order_for(session, number), traffic)
+                self._observations.show(number, driver.preset)
+        except (Exception, SystemExit) as error:
+            self._give_back(number)  # another may have been on its way to another slot
+            if isinstance(error, DriverError):
+                raise
+            raise raised(self._valet, error) from error
         self._valets[number] = driver
-        self._observations.show(number, driver.preset)
 
     def release(self, number: int) -> None:
-        """Give the wheel of a kart back to its driver."""
+        """Give the wheel of a kart back to its driver, or forget that it asked for a slot.
+
+        Of a kart that races on, the request is dropped; one that has finished drives to its slot
+        itself.
+        """
+        world = self._session.world
+        if number in self._valets:
+            self._give_back(number)
+            self._given_back.add(number)
+        elif has_lot(world) and races_first(world) and self._session.is_racing(number):
+            self._session.race_control.cancel_parking(number)
+
+    def _give_back(self, number: int) -> None:
         if self._valets.pop(number, None):
             self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
@@ -189,8 +230,6 @@ class Wheels:
 
     def _retake(self, number: int) -> bool:
         """Take a wheel again; False where the parking driver is barred or cannot park any more."""
-        if self._suspects.is_barred(number):
-            return False
         with suppress(DriverError):
             self._take_wheel(number, driver_named(self._valet))
             return True
@@ -202,3 +241,4 @@ class Wheels:
             self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
         self._valets.clear()
+        self._given_back.clear()

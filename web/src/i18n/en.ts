@@ -361,6 +361,7 @@ export const en = {
     park: 'Park for me',
     wheel: 'Take the wheel',
     parks: 'The server parks your vehicle.',
+    waits: 'The server parks your vehicle after the finish.',
     refused: (why: string) => `Not parked: ${why}`,
     keys: 'Arrows or WASD drive · Space brakes · stand in the green slot',
   },

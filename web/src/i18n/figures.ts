@@ -11,6 +11,7 @@ export function lapText(us: number): string {
 
 /** Returns a time of the race, such as 2:05.3. */
 export function clockText(seconds: number): string {
+  if (Number.isNaN(seconds)) return '–';
   const sign = seconds < 0 ? '−' : '';
   const tenths = Math.floor(Math.abs(seconds) * 10);
   const rest = (tenths % 600) / 10;

@@ -361,6 +361,7 @@ export const fr: Words = {
     park: 'Garer pour moi',
     wheel: 'Reprendre le volant',
     parks: 'Le serveur gare votre véhicule.',
+    waits: 'Le serveur gare votre véhicule après l’arrivée.',
     refused: (why: string) => `Pas garé : ${why}`,
     keys: 'Flèches ou ZQSD pour conduire · Espace freine · arrêtez-vous dans la place verte',
   },

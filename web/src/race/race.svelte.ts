@@ -81,7 +81,7 @@ export class Race {
   readonly trails = new Trails();
   readonly ways = new Ways(); // in a car park
   readonly clearances = new Map<number, Clearance>(); // of each seat
-  readonly endedS = new Map<number, number>(); // when the way of a seat had ended [s]
+  readonly drivenUntil = new Map<number, number>(); // last tick of the way of a seat
   paces = new Map<number, Pace>();
   rays: RaysFrame | null = null;
   private ages = new InputAges();
@@ -145,6 +145,11 @@ export class Race {
 
   get isLot(): boolean {
     return this.course?.isLot ?? false;
+  }
+
+  /** Whether karts can be parked: in a car park, or after a race. */
+  get hasSlots(): boolean {
+    return this.isLot || (this.course?.frame.slots.length ?? 0) > 0;
   }
 
   /** The body of a kart. */
@@ -235,7 +240,7 @@ export class Race {
     this.trails.clear();
     this.ways.clear();
     this.clearances.clear();
-    this.endedS.clear();
+    this.drivenUntil.clear();
     this.rays = null;
     this.alerts = new Map();
     this.telemetry = null;
@@ -273,6 +278,7 @@ export class Race {
     if (frame.lights > 0) return;
     for (const kart of frame.karts) {
       if (kart.status !== Status.RACING) continue;
+      this.drivenUntil.set(kart.seat, frame.tick);
       const now = clearanceOf(kart, frame, this.body, this.course!, this.lot);
       const least = Math.min(this.clearances.get(kart.seat)?.least ?? Infinity, now);
       this.clearances.set(kart.seat, { now, least });
