@@ -131,7 +131,7 @@ WELCOME = lobby.Welcome(Briefing(1, TT02, 3, "lidar", 0.05, ("boost", "oil"), 3.
 
 HUD = drive.HudFrame(
     *(1, 2, 3.5, 1.0, 0.5, 2, 0.25, np.array([(1, 0.5)], drive.EFFECT)),
-    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP),
+    *(7, 0.5, 2**40, 1.5, Flag.YELLOW, Trust.DOUBTFUL, PoseFault.JUMP, True),
 )
 
 COURSE = lobby.CourseSheet(

@@ -2,7 +2,7 @@ import { Builder } from 'flatbuffers';
 import { afterEach, beforeEach, expect, test, vi } from 'vitest';
 
 import { Visit } from '../src/race/visit.svelte';
-import { EventPhase, Phase, Programme, Standings, Status } from '../src/wire/tables';
+import { EventPhase, Hud, Phase, Programme, Standings, Status } from '../src/wire/tables';
 import { Call } from '../src/wire/generated/spectate/call.js';
 import { Standing } from '../src/wire/generated/spectate/standing.js';
 
@@ -66,6 +66,14 @@ class Socket {
     Programme.addComing(builder, coming);
     Programme.addTeams(builder, teams);
     this.show(builder, Programme.endProgramme(builder), 'RPRG');
+  }
+
+  /** Tells who has the wheel of the vehicle. */
+  lead(isLed: boolean): void {
+    const builder = new Builder(64);
+    Hud.startHud(builder);
+    Hud.addLed(builder, isLed);
+    this.show(builder, Hud.endHud(builder), 'RHUD');
   }
 
   private show(builder: Builder, table: number, identifier: string): void {
@@ -215,5 +223,18 @@ test('who has the vehicle parked reads so after a reload', () => {
   const visit = driving();
   Socket.newest.tell({ type: 'welcome', role: 'drive', resume: 'word', seat: 3, park: true });
   Socket.newest.stand(Phase.RUNNING);
+  expect(visit.isParking).toBe(true);
+});
+
+test('a vehicle that a steward has parked is shown so, and one whose wheel comes back is not', () => {
+  const visit = driving();
+  Socket.newest.lead(false);
+  Socket.newest.tell({ type: 'park', park: true, accepted: true });
+  Socket.newest.lead(false); // asked in a race, it waits for the finish
+  expect(visit.isParking).toBe(true);
+  Socket.newest.lead(true);
+  Socket.newest.lead(false);
+  expect(visit.isParking).toBe(false);
+  Socket.newest.lead(true);
   expect(visit.isParking).toBe(true);
 });

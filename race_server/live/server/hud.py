@@ -40,7 +40,8 @@ def huds_of(session: Session, seats: Sequence[Seat], orders_s: float) -> list[Hu
     is_paused, flag = session.race_control.is_paused, int(world.races[0].flag)
     lights, now_us = lights_s(session), time.monotonic_ns() // 1000
     frames = []
-    for kart in (seat.number for seat in seats):
+    for seat in seats:
+        kart = seat.number
         tracker = session.tracked_karts.trackers.get(kart)
         frames.append(
             HudFrame(
@@ -62,6 +63,7 @@ def huds_of(session: Session, seats: Sequence[Seat], orders_s: float) -> list[Hu
                 flag=Flag.RED if is_paused else Flag(max(flag, int(yellows[kart]))),
                 trust=tracker.trust if tracker else Trust.SIMULATED,
                 fault=tracker.doubt if tracker else PoseFault.NONE,
+                is_led=seat.is_led,
             )
         )
     return frames

@@ -68,6 +68,7 @@ class HudFrame:
     flag: Flag = Flag.GREEN
     trust: Trust = Trust.SIMULATED
     fault: PoseFault = PoseFault.NONE
+    is_led: bool = False  # the parking driver of the server has the wheel
 
 
 def encode_control(frame: ControlFrame) -> bytes:
@@ -211,6 +212,7 @@ _HUD = {
     "flag": (12, U8),
     "trust": (13, U8),
     "fault": (14, U8),
+    "is_led": (15, U8),
 }
 _numbers_of = attrgetter(*_HUD)
 
@@ -270,6 +272,7 @@ def encode_hud(frame: HudFrame, *, is_whole: bool = False) -> bytes:
     Hud.AddFlag(builder, int(frame.flag))
     Hud.AddTrust(builder, int(frame.trust))
     Hud.AddFault(builder, int(frame.fault))
+    Hud.AddLed(builder, frame.is_led)
     builder.Finish(Hud.End(builder), topics.HUD.identifier)
     return bytes(builder.Output())
 
@@ -309,4 +312,5 @@ def decode_hud(data: bytes) -> HudFrame:
         flag=Flag(flag),
         trust=Trust(trust),
         fault=PoseFault(fault),
+        is_led=table.scalar(15, U8) > 0,
     )

@@ -29,7 +29,7 @@ export class Visit {
   position = $state.raw<Position | null>(null);
   log = $state.raw<readonly string[]>([]);
   isReady = $state(false); // of a driver in the lobby
-  isParking = $state(false); // the server has the wheel
+  isParking = $state(false); // the server has the wheel, or takes it after the finish
   protested = $state.raw<ProtestAnswer | null>(null); // the answer to the last protest
   roundTripMs = $state(NaN);
   readonly acted = new SvelteMap<number, Acted>();
@@ -40,6 +40,7 @@ export class Visit {
   private readonly link: Link;
   // What the welcome is for, null until that is known.
   private wasLobby: boolean | null = null;
+  private wasLed = false; // the server had the wheel
   private call: string | null = null; // the newest of an event
 
   constructor(readonly hello: Hello) {
@@ -99,7 +100,14 @@ export class Visit {
   private take(frame: Frame, arrivedMs: number): void {
     this.race.take(frame, arrivedMs);
     if (frame.kind === 'standings') this.noteLobby(frame.phase === Phase.LOBBY);
+    if (frame.kind === 'hud') this.noteWheel(frame.isLed);
     if (frame.kind === 'programme') this.noteCall(callOf(frame));
+  }
+
+  /** A steward may have a vehicle parked, and the wheel comes back from a parking driver that fails. */
+  private noteWheel(isLed: boolean): void {
+    if (isLed !== this.wasLed) this.isParking = isLed;
+    this.wasLed = isLed;
   }
 
   /** Readiness for one race does not count for the next. */

@@ -293,6 +293,7 @@ function readHud(buffer: ByteBuffer): Frame {
     effects: rowsOf(table.effectsLength(), (row) => readEffect(table, row)),
     lights: table.lights(),
     flag: table.flag(),
+    isLed: table.led(),
   };
 }
 

@@ -316,6 +316,7 @@ export interface HudFrame {
   effects: EffectFrame[];
   lights: number;
   flag: Flag; // shown to this kart
+  isLed: boolean; // the parking driver of the server has the wheel
 }
 
 export interface BriefingFrame {

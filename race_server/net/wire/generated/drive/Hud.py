@@ -146,8 +146,15 @@ class Hud(object):
             return self._tab.Get(flatbuffers.number_types.Uint8Flags, o + self._tab.Pos)
         return 0
 
+    # Hud
+    def Led(self):
+        o = flatbuffers.number_types.UOffsetTFlags.py_type(self._tab.Offset(34))
+        if o != 0:
+            return bool(self._tab.Get(flatbuffers.number_types.BoolFlags, o + self._tab.Pos))
+        return False
+
 def HudStart(builder):
-    builder.StartObject(15)
+    builder.StartObject(16)
 
 def Start(builder):
     HudStart(builder)
@@ -247,6 +254,12 @@ def HudAddFault(builder, fault):
 
 def AddFault(builder, fault):
     HudAddFault(builder, fault)
+
+def HudAddLed(builder, led):
+    builder.PrependBoolSlot(15, led, 0)
+
+def AddLed(builder, led):
+    HudAddLed(builder, led)
 
 def HudEnd(builder):
     return builder.EndObject()

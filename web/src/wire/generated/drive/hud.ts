@@ -108,8 +108,13 @@ fault():PoseFault {
   return offset ? this.bb!.readUint8(this.bb_pos + offset) : PoseFault.NONE;
 }
 
+led():boolean {
+  const offset = this.bb!.__offset(this.bb_pos, 34);
+  return offset ? !!this.bb!.readInt8(this.bb_pos + offset) : false;
+}
+
 static startHud(builder:flatbuffers.Builder) {
-  builder.startObject(15);
+  builder.startObject(16);
 }
 
 static addEpoch(builder:flatbuffers.Builder, epoch:number) {
@@ -176,12 +181,16 @@ static addFault(builder:flatbuffers.Builder, fault:PoseFault) {
   builder.addFieldInt8(14, fault, PoseFault.NONE);
 }
 
+static addLed(builder:flatbuffers.Builder, led:boolean) {
+  builder.addFieldInt8(15, +led, +false);
+}
+
 static endHud(builder:flatbuffers.Builder):flatbuffers.Offset {
   const offset = builder.endObject();
   return offset;
 }
 
-static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCap:number, thrustScale:number, gripScale:number, item:number, immune:number, effectsOffset:flatbuffers.Offset, sequence:number, valid:number, monotonic:bigint, lights:number, flag:Flag, trust:Trust, fault:PoseFault):flatbuffers.Offset {
+static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCap:number, thrustScale:number, gripScale:number, item:number, immune:number, effectsOffset:flatbuffers.Offset, sequence:number, valid:number, monotonic:bigint, lights:number, flag:Flag, trust:Trust, fault:PoseFault, led:boolean):flatbuffers.Offset {
   Hud.startHud(builder);
   Hud.addEpoch(builder, epoch);
   Hud.addTick(builder, tick);
@@ -198,6 +207,7 @@ static createHud(builder:flatbuffers.Builder, epoch:number, tick:number, speedCa
   Hud.addFlag(builder, flag);
   Hud.addTrust(builder, trust);
   Hud.addFault(builder, fault);
+  Hud.addLed(builder, led);
   return Hud.endHud(builder);
 }
 }
