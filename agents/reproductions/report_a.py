@@ -35,6 +35,15 @@ def stages(distances: Sequence[tuple[float, float]], share: float) -> str:
 STEPS_OF_YARD = ((2.0, 8.0), (2.0, 16.0), (2.0, 28.0), (2.0, 42.0), (2.0, 56.0))
 SIX_STAGES = stages(STEPS_OF_YARD, 0.5)
 
+# The report prints a penalty of the distance in metres and none for a collision. Where a collision
+# ends an episode it ends that penalty too, and to crash at once is what pays best.
+BUMPS = 'race.rules={wall_contact = "bump", kart_contact = "bump"}'
+BUMPS_WORD = (
+    "In training a collision ends nothing and costs nothing: the report prints no penalty for it, "
+    "and where it ends an episode, it ends the penalty of the distance too. In the exam it ends a "
+    "way, which has failed."
+)
+
 # The final configuration, for scenario 2. With random brakes a kart hardly moves, and PPO never
 # starts: the untrained network does not brake.
 SCENARIO_2 = (
@@ -42,11 +51,17 @@ SCENARIO_2 = (
     "parking.level=report-a-2",
     "observation=report_a",
     "action=report_a",
-    reward("report_a_share", **WALL),
+    reward("report_a_distance"),
+    BUMPS,
     "network.first_action=[0.0, 0.0, -1.0]",
 )
 # Two more karts that drive what was learned before.
-KARTS = (*SCENARIO_2, "race={karts = 3, learners = 1, opponents = ['learned:parking-2']}")
+KARTS = (
+    *SCENARIO_2,
+    "race.karts=3",
+    "race.learners=1",
+    "race.opponents=['learned:parking-2']",
+)
 
 # Strengths that the report does not tell are those of the example Pyramids of its library
 # (https://github.com/Unity-Technologies/ml-agents, config/imitation/Pyramids.yaml), which has the
@@ -95,8 +110,8 @@ ASSUMPTIONS = (
     "besides. Each start is drawn by a seed that no training had.",
     "The kart is `kart-13`, whose speed is capped at 13 km/h; a decision takes 0.1 s (the report's "
     "demonstrations give 10 to 17 a second), so that a minute, its MaxSteps, is 600 of them.",
-    "A collision ends an episode. The report prints no penalty for it; where nothing else is said "
-    "it costs 1 here. Around its zone are walls.",
+    "Around its zone are walls. In scenario 1 a collision with one ends an episode and costs 1, as "
+    "much as to be too far away.",
     "Time that runs out is an end and not a cut, as the report's reward of -1 for it asks.",
     "It observes places in three dimensions, ours in two. Headings are in radians; it divides by "
     "360, which its normalisation undoes.",

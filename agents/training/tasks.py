@@ -14,7 +14,7 @@ from race_server.envs.presets import LEARNING_RULES, task_on
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
 from race_server.scenario.lot.nearer import at_distance
-from race_server.scenario.parking import parking_scenario
+from race_server.scenario.parking import LOT_RULES, parking_scenario
 from race_server.scenario.race import ABSENT, Rules, Scenario
 from race_server.scenario.sensors import Lidar
 from race_server.scenario.track.check import require_passable
@@ -114,12 +114,14 @@ def _with_karts(scenario: Scenario, karts: int, learners: int) -> Scenario:
 def evaluation_tasks(settings: Settings, courses: tuple[str, ...]) -> dict[str, Task]:
     """Return a task for each course of an evaluation: from a start grid, or anywhere in a lot.
 
+    In a lot a touch ends an episode there, whatever `race.rules` says of those to learn from.
+
     Raises:
         RaceError: a course does not exist.
     """
     if settings.parks:
         lots = {
-            name: _task(settings, (_scenario(settings, name, settings.vehicle),))
+            name: _task(settings, (_ending_by_touch(_scenario(settings, name, settings.vehicle)),))
             for name in courses
         }
         return {name: task.with_options(most_steps=0) for name, task in lots.items()}
@@ -130,6 +132,12 @@ def evaluation_tasks(settings: Settings, courses: tuple[str, ...]) -> dict[str, 
         ).with_options(random_start=False, most_steps=steps)
         for name in courses
     }
+
+
+def _ending_by_touch(scenario: Scenario) -> Scenario:
+    """Return a scenario in which a touch ends the way of a vehicle, as in an exam of parking."""
+    touches = {name: getattr(LOT_RULES, name) for name in ("wall_contact", "kart_contact")}
+    return replace(scenario, rules=replace(scenario.rules, **touches))
 
 
 def _from_the_middle(scenario: Scenario) -> Scenario:

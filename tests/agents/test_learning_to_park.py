@@ -67,6 +67,13 @@ def test_who_stands_is_late_and_who_turns_hits_a_wall() -> None:
     assert not turning.reaches(Goal(hits=0.5))
 
 
+def test_a_touch_that_ends_nothing_while_learning_ends_the_way_in_an_evaluation() -> None:
+    bumps = settings('race.rules={wall_contact = "bump", kart_contact = "bump"}')
+    learned = training_task(bumps).scenarios[0].rules
+    assert (learned.wall_contact, learned.kart_contact) == ("bump", "bump")
+    assert examined(bumps, [1.0, 0.5]).tally.failures == {"wall": 3}
+
+
 def test_a_lot_has_its_own_pace_and_a_race_that_of_a_live_one() -> None:
     assert settings().decision_s == 0.1
     assert settings("parking.decision_ticks=3").decision_s == 0.05

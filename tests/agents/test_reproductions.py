@@ -106,6 +106,7 @@ def test_every_row_of_a_reproduction_makes_a_training(name: str) -> None:
         "report-a-curriculum",
         "report-a-parking-aids",
         "report-a-scenario-1",
+        "report-a-scenario-2",
         "report-a-transfer",
         "report-b-algorithms",
         "report-b-observations",

@@ -1,6 +1,7 @@
 """Parking as a discipline of the training world."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -63,6 +64,38 @@ def test_a_kart_that_reverses_meets_the_wall_behind_it() -> None:
     # A share of 60 s for each decision of 0.1 s, all of them in reverse.
     assert total == pytest.approx(-1.0 - 0.1 * episode["l"], abs=1e-3)
     assert episode["reversed_m"] == episode["path_m"]
+
+
+def test_a_touch_counts_where_it_ends_nothing_and_a_crash_where_it_does() -> None:
+    reward = {"touch": -1.0, "crash": -5.0}
+    assert drive(face_to_face(reward=reward), BACK, 100) == -5.0
+    task = parking_task("face-to-face", reward=reward)
+    (scenario,) = task.scenarios
+    rules = replace(scenario.rules, wall_contact="bump", kart_contact="bump")
+    batch = Batch(replace(task, scenarios=(replace(scenario, rules=rules),)), after=STAY)
+    rewards = []
+    while 0.0 not in rewards[1:]:  # until the decision after the first touch
+        batch.step(np.array(BACK, np.float32))
+        rewards += [float(batch.rewards[0, 0])] if rewards or batch.rewards[0, 0] else []
+    assert rewards[0] == -1.0
+    assert not batch.buffers.idle[0, 0]
+
+
+def test_a_person_who_is_run_into_is_a_touch_once() -> None:
+    task = parking_task("yard-70", reward={"touch": -1.0, "person": -5.0})
+    (scenario,) = task.scenarios
+    for contact, worth in (("bump", [-1.0, 0.0, 0.0]), ("retire", [-5.0, 0.0, 0.0])):
+        rules = replace(scenario.rules, wall_contact=contact)
+        batch = Batch(replace(task, scenarios=(replace(scenario, rules=rules),)), after=STAY)
+        batch.step(np.array(AHEAD, np.float32))
+        assert batch.rewards[0, 0] == 0.0
+        walker, body = batch.world.parking.walkers[0, 0], batch.world.bodies[0, 0]
+        walker["x"], walker["y"] = body["x"], body["y"]
+        rewards = []
+        for _ in range(3):
+            batch.step(np.array(AHEAD, np.float32))
+            rewards.append(float(batch.rewards[0, 0]))
+        assert rewards == worth
 
 
 @pytest.mark.parametrize("late_ends", [False, True])

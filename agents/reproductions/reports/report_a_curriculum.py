@@ -3,6 +3,7 @@
 from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
+    BUMPS_WORD,
     CLONING,
     CURIOSITY,
     GAIL,
@@ -65,6 +66,7 @@ REPRODUCTION = Reproduction(
         RATE_WORD,
         HALVES_WORD,
         ONE_WAY,
+        BUMPS_WORD,
         "Its stages were made by hand and are not printed. Ours begin near the slot: of the zone "
         "at most 6, 12, 20 m away and then anywhere, of the yard at most 8, 16, 28, 42, 56 m. The "
         "next one begins once 80 % of the last 200 episodes park, and all within half of the "

@@ -3,6 +3,7 @@
 from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
+    BUMPS_WORD,
     CLONING,
     CURIOSITY,
     GAIL,
@@ -59,6 +60,7 @@ REPRODUCTION = Reproduction(
         RATE_WORD,
         HALVES_WORD,
         ONE_WAY,
+        BUMPS_WORD,
         "Its third row is POCA with three aids and no stages. With one kart that learns it is PPO "
         "with another critic: the baseline that leaves its action out knows what the critic knows. "
         "It multiplies float32.",

@@ -3,6 +3,7 @@
 from race_agents.reproductions.plan import ParkingExam, Reproduction, TrainingScale, Variant
 from race_agents.reproductions.report_a import (
     ASSUMPTIONS,
+    BUMPS_WORD,
     HALVES,
     HALVES_WORD,
     ONE_WAY,
@@ -17,6 +18,8 @@ from race_agents.reproductions.report_a import (
     columns,
     reward,
 )
+
+_ENDS = 'race.rules={wall_contact = "retire", kart_contact = "retire"}'
 
 
 def _asked(name: str, remark: str, *changes: str) -> Variant:
@@ -36,16 +39,20 @@ REPRODUCTION = Reproduction(
             theirs=("90", "–", "97", "about 1 day, with stages; collisions are what fails"),
             their_number=90.0,
         ),
-        _asked("no collision penalty", "as printed", reward("report_a_share")),
         _asked(
-            "distance in metres",
-            "metres or a share: not said",
+            "a collision costs 1",
+            "no penalty is printed",
+            reward("report_a_distance", touch=-1.0),
+        ),
+        _asked("a collision ends an episode", "as printed, if it does", _ENDS),
+        _asked(
+            "a collision ends an episode and costs 1",
+            "no penalty is printed",
+            _ENDS,
             reward("report_a_distance", **WALL),
         ),
         _asked(
-            "distance in metres, no collision penalty",
-            "as printed, if in metres",
-            reward("report_a_distance"),
+            "distance as a share of 70 m", "metres or a share: not said", reward("report_a_share")
         ),
         _asked("gamma 0.997", "0.99 forgets in 10 s", "algorithm.options.gamma=0.997"),
         _asked("30 km/h", "capped, as it did not learn to manage speed", "vehicle=kart-30"),
@@ -62,15 +69,15 @@ REPRODUCTION = Reproduction(
         RATE_WORD,
         HALVES_WORD,
         ONE_WAY,
-        "The penalty of the distance is of metres divided by the 70 m of the yard, so that it sums "
-        "to 1 in a minute at most; in metres it may sum to 66.",
+        BUMPS_WORD,
+        "The penalty of the distance is of metres, which may sum to 66 in a minute; as a share of "
+        "the 70 m of the yard it sums to 1 at most.",
         "The report takes that penalty away once the mean return no longer rises, to see it go to "
         "1; here it stays to the end.",
         "Blocks (6 to 10, of 1 to 2 m) and the ways of the person are our choice; walls are around "
         "the yard.",
         "All rows learn in the six stages of `report-a-curriculum`, as the report's figures are "
-        "of a training in stages: a first run of the final configuration without them parked from "
-        "none of 1,000 starts.",
+        "of a training in stages.",
         "The untrained network does not brake: with random brakes a kart hardly moves.",
     ),
 )

@@ -23,7 +23,7 @@ from race_server.errors import ScenarioError
 from race_server.scenario.checked import check_flag, check_number
 from race_server.scenario.race import Scenario, make_worlds
 
-BEFORE = dict.fromkeys(("way", "turn", "steering"), np.float64)
+BEFORE = dict.fromkeys(("way", "turn", "steering", "touches", "hits"), np.float64)
 EPISODE = {
     **dict.fromkeys(("turn", "way", "reversed"), np.float64),
     **dict.fromkeys(("parked", "ending", "moves", "walked_into", "ticks", "between"), np.int64),

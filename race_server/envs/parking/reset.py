@@ -65,7 +65,8 @@ def _begin_way(world: World, buffers: Buffers, w: int, k: int) -> None:
     episode.moves = 0
     episode.ticks = 0
     episode.turn = episode.way = episode.reversed = 0.0
-    buffers.before[w, k].steering = 0.0
+    before = buffers.before[w, k]
+    before.steering = before.touches = before.hits = 0.0
     parker, vehicle = world.parking.parkers[w, k], world.vehicles[w, k]
     box, goal = (
         box_of(hull_of(vehicle, body, judged_box(parker, vehicle))),

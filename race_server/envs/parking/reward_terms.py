@@ -14,7 +14,7 @@ from race_server.core.rules.parking import (
     judged_box,
     stand_of,
 )
-from race_server.core.state import World
+from race_server.core.state import Record, World
 from race_server.envs.buffers import Buffers
 from race_server.envs.decision import close_episode, weigh_terms
 from race_server.envs.parking.heuristics.aim import aim_of, goal_of, middle_of
@@ -48,6 +48,7 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "jack_knife": "1 if a hitch was bent too far, or a trailer touched what draws it, and it "
         "is out",
         "goal_way": "metres that the heuristic says are left",
+        "touch": "how often it ran into a wall, a block, a vehicle or a person, and goes on",
     }
 )
 
@@ -104,7 +105,7 @@ REWARDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 PARKED, ALIGNED, MISPARKED, CRASH, PERSON, LEFT, LATE, TIME, REVERSING = range(9)
 STEERING_WIDE, STANDING, GOAL_DISTANCE, GOAL_PROGRESS, GOAL_TURN, STEERING_CHANGE = range(9, 15)
-JACK_KNIFE, GOAL_WAY = 15, 16
+JACK_KNIFE, GOAL_WAY, TOUCH = 15, 16, 17
 
 # How the ways d before and d' after a decision become `goal_progress`, with the discount g: d - d';
 # the exact potential d - g d' of Ng, Harada and Russell (1999), where d' = 0 at the end of an
@@ -203,8 +204,21 @@ def _measure(
     terms[GOAL_TURN] = (before.turn - turn) / (1.0 + distance)
     terms[STEERING_CHANGE] = abs(body.steering_command - before.steering)
     before.steering = body.steering_command
+    terms[TOUCH] = _new_touches(world, before, w, k) if ending == codes.OPEN else 0.0
     is_bent = ending in (codes.HAS_JACK_KNIFED, codes.MET_ITSELF)
     terms[JACK_KNIFE] = 1.0 if is_bent else 0.0
+
+
+@kernel
+def _new_touches(world: World, before: Record, w: int, k: int) -> float:
+    """Return how often a vehicle has run into something since this was asked last."""
+    touches = world.racers[w, k].contacts + world.racers[w, k].wall_contacts
+    hits = 0  # people whom it is running into
+    for p in range(world.parking.walkers.shape[1]):
+        hits += (world.parking.walkers[w, p].hit >> k) & 1
+    new = touches - before.touches + max(hits - before.hits, 0.0)
+    before.touches, before.hits = touches, hits
+    return float(new)
 
 
 @kernel
