@@ -285,7 +285,7 @@ def vehicle_named(name: str) -> Vehicle:
     Raises:
         VehicleError: there is none.
     """
-    preset = name.removesuffix(KINEMATIC)
+    preset = name.removesuffix(KINEMATIC) if isinstance(name, str) else ""
     if preset not in VEHICLES:
         known = ", ".join(sorted(VEHICLES))
         raise VehicleError(

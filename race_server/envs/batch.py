@@ -37,7 +37,7 @@ from race_server.envs.buffers import (
 )
 from race_server.envs.opponents import advise
 from race_server.envs.reality_gap import FACTORS
-from race_server.envs.round_options import RoundOptions, asked_for, odds_of, seeds_of
+from race_server.envs.round_options import RoundOptions, asked_for, odds_of, seeds_of, with_drawn
 from race_server.envs.saved_state import in_one_block, told_apart_by
 from race_server.envs.task import Task
 from race_server.errors import ScenarioError
@@ -65,8 +65,8 @@ class Batch:
         """Build the worlds, and begin a round in each.
 
         after: what happens once a learning kart's episode is over, see `envs/buffers.py`. World w
-        has the seed `seed + w`, or its own of a sequence; with None the first reset without a seed
-        draws one, as Gymnasium asks for. threads: cores to spread the worlds over;
+        has the seed `seed + w`, or its own of a sequence; with None the first reset of a world
+        without a seed draws one, as Gymnasium asks for. threads: cores to spread the worlds over;
         results do not change.
 
         Raises:
@@ -104,9 +104,9 @@ class Batch:
         self._decisions: list[list[Callable[[], None]]] = []
         for part in self._cut(self.threads):
             self._bind(*part)
-        self._is_sown = True
+        self.is_sown: Bytes = np.ones(worlds, np.uint8)  # (W,) 1 where a world has got a seed
         self.reset(seed)
-        self._is_sown = seed is not None
+        self.is_sown[:] = seed is not None
 
     def _cut(self, parts: int) -> list[tuple[World, Buffers]]:
         """Return the worlds in `parts` parts of nearly equal size, as views."""
@@ -203,28 +203,25 @@ class Batch:
         chosen = range(self.worlds) if worlds is None else worlds
         if not all(0 <= w < self.worlds for w in chosen):
             raise ScenarioError(f"worlds {list(chosen)}: choose of 0 to {self.worlds - 1}")
-        if seed is None and not (wanted.state or self._is_sown):
-            seed = int(np.random.SeedSequence().generate_state(1)[0])
-        seeds = [] if seed is None else seeds_of(seed, chosen)
+        seeds = [None] * len(chosen) if seed is None else seeds_of(seed, chosen)
         if wanted.state:
             self.load_state(wanted.state, worlds)
-            self._sow(seeds, chosen)
-            if seeds:
-                self.world.races["seed"][chosen] = self.buffers.rounds["seed"][chosen]
+            sown = self._sow(seeds, chosen)
+            self.world.races["seed"][sown] = self.buffers.rounds["seed"][sown]
             return self.buffers.observations
         calls = self._restarts if worlds is None else [self._restart_alone(w) for w in worlds]
         with asked_for(wanted, self.scenarios, self.world, self.buffers, self._templates):
-            self._sow(seeds, chosen)
+            self._sow(with_drawn(seeds, self.is_sown[list(chosen)]), chosen)
             for begin in calls:
                 begin()
         return self.buffers.observations
 
-    def _sow(self, seeds: Sequence[int | None], worlds: Sequence[int]) -> None:
-        """Set the seeds of some worlds, or of none; None leaves one as it is."""
-        for w, one in zip(worlds, seeds, strict=False):
-            self._is_sown = True
-            if one is not None:
-                self.seed_next(w, one)
+    def _sow(self, seeds: Sequence[int | None], worlds: Sequence[int]) -> list[int]:
+        """Set the seeds of some worlds, and return of which; None leaves one as it is."""
+        given = {w: one for w, one in zip(worlds, seeds, strict=True) if one is not None}
+        for w, one in given.items():
+            self.seed_next(w, one)
+        return list(given)
 
     def _restart_alone(self, w: int) -> Callable[[], None]:
         """Return a call that begins a new round in one world."""
@@ -239,7 +236,8 @@ class Batch:
 
         So a batch goes through any list of seeds, each as if it were driven alone.
         """
-        self.buffers.rounds["seed"][w] = seed
+        self.is_sown[w] = True
+        self.buffers.rounds["seed"][w] = seeds_of([seed], [w])[0]
         for name in ("number", "entries"):
             self.buffers.rounds[name][w] = 0
         self.buffers.episodes["number"][w] = 0
@@ -294,7 +292,7 @@ class Batch:
         """
         self._check_savable()
         own = self._state.load(state, worlds)
-        self._is_sown = True
+        self.is_sown[slice(None) if worlds is None else list(worlds)] = True
         self.buffers.rounds["world"] = np.arange(self.worlds)
         self.world.event_counts[:] = 0
         return own
@@ -317,9 +315,9 @@ class Batch:
         """Return a batch that goes on alone; the task never changes and is shared."""
         return _revived(self.task, *self._made_of())
 
-    def _made_of(self) -> tuple[int, int, int, bool, Floats, bytes]:
+    def _made_of(self) -> tuple[int, int, int, Bytes, Floats, bytes]:
         after, odds = int(self.buffers.settings["after"][0]), self.buffers.odds.copy()
-        return self.worlds, after, self.threads, self._is_sown, odds, self.save_state()
+        return self.worlds, after, self.threads, self.is_sown.copy(), odds, self.save_state()
 
     def close(self) -> None:
         """End the threads."""
@@ -328,12 +326,12 @@ class Batch:
 
 
 def _revived(
-    task: Task, worlds: int, after: int, threads: int, is_sown: bool, odds: Floats, state: bytes
+    task: Task, worlds: int, after: int, threads: int, is_sown: Bytes, odds: Floats, state: bytes
 ) -> Batch:
     batch = Batch(task, worlds=worlds, after=after, threads=threads)
     batch.buffers.odds[:] = odds
     batch.load_state(state)
-    batch._is_sown = is_sown  # a copy of one without a seed draws its own
+    batch.is_sown[:] = is_sown  # a copy of one without a seed draws its own
     return batch
 
 

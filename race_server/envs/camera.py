@@ -29,6 +29,11 @@ class Camera:
         """Return what a copy begins with: no window and no pictures."""
         return {"mode": self.mode, "_batch": self._batch, "_pictures": {}, "_window": None}
 
+    def follow(self) -> None:
+        """Show the race as it is in the window, where the mode is `human`: after reset and step."""
+        if self.mode == "human":
+            self.shoot()
+
     def shoot(self, w: int = 0) -> Any:
         """Return a race as (height, width, 3) bytes; None where it is shown in a window."""
         if self.mode is None:

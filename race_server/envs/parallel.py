@@ -76,6 +76,7 @@ class KartRace(KartAgents):
             ScenarioError: the task has not what the options ask for.
         """
         self.batch.reset(seed, options)
+        self._camera.follow()
         return self._begin(own_part_in(options))
 
     def _begin(self, own: bytes) -> tuple[dict[str, Vector], dict[str, dict[str, Any]]]:
@@ -123,6 +124,7 @@ class KartRace(KartAgents):
         numbers = self._seats_of(agents)
         self._take(actions, numbers)
         batch.step()
+        self._camera.follow()
         self._steps += 1
         late = 0 < self.max_cycles <= self._steps
         buffers = batch.buffers

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from race_server.core.seeds import MOST_SEED
-from race_server.core.state import Floats, World
+from race_server.core.state import Bytes, Floats, World
 from race_server.envs.buffers import Buffers
 from race_server.envs.reality_gap import FACTORS
 from race_server.errors import ScenarioError
@@ -90,6 +90,20 @@ def seeds_of(seed: int | Sequence[int | None], worlds: Sequence[int]) -> list[in
     if len(seeds) != len(worlds):
         raise ScenarioError(f"{len(seeds)} seeds for {len(worlds)} worlds: give one for each")
     return [one if one is None or abs(one) <= MOST_SEED else one & MOST_SEED for one in seeds]
+
+
+def with_drawn(seeds: Sequence[int | None], is_sown: Bytes) -> list[int | None]:
+    """Return the seeds of some worlds, with a drawn one for each that has and had none.
+
+    is_sown: which of them had a seed before.
+    """
+    if all(is_sown):
+        return list(seeds)
+    chance = np.random.SeedSequence().generate_state(len(seeds)).tolist()
+    return [
+        drawn if one is None and not was else one
+        for one, drawn, was in zip(seeds, chance, is_sown, strict=True)
+    ]
 
 
 @contextmanager

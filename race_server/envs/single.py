@@ -52,6 +52,7 @@ class OneKart(gymnasium.Env[Any, Any]):
         """
         super().reset(seed=seed)
         seen = self.batch.reset(seed, options)
+        self._camera.follow()
         return seen[0, 0].copy(), {"reality_gap": self.batch.draws(0, 0)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -65,6 +66,7 @@ class OneKart(gymnasium.Env[Any, Any]):
             raise ScenarioError("the episode is over: call reset before the next step")
         buffers.actions[0, 0] = action_as(action, buffers.actions.shape[2])
         batch.step()
+        self._camera.follow()
         is_over, is_cut = bool(buffers.terminated[0, 0]), bool(buffers.truncated[0, 0])
         info: dict[str, Any] = {
             "reward_terms": dict(zip(batch.terms, buffers.terms[0, 0].tolist(), strict=True))

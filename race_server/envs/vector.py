@@ -42,6 +42,12 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
     returned, and the next step, or a reset with `options={"reset_mask": ...}`, gives the first of
     another. Figures of an episode that ended are under the key of the discipline, `lap_times` in a
     race, each an array (n,).
+
+    Where several vehicles of a lot learn, one that is done stays in the vector, its actions without
+    effect, until all of its lot are done; the step that ends the last episode returns the first
+    observations of all. `infos["idle"]`, booleans (n,), is true for a vehicle that was done before
+    the step: that step belongs to no episode of it. In a team none is idle, as all are paid until
+    the last is done.
     """
 
     def __init__(
@@ -127,6 +133,7 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
                 by itself, an episode is over.
         """
         batch, begun = self.batch, np.flatnonzero(self._over)
+        waits = self._waits()
         if len(begun) and self.autoreset_mode is DISABLED:
             raise ScenarioError(
                 f"environment {int(begun[0])}: its episode is over; reset it with "
@@ -139,9 +146,16 @@ class KartVectorEnv(VectorEnv[Array, Array, Array]):
         cut = batch.truncated.ravel().astype(np.bool_)
         over = ended | cut
         infos = self._last_words(over) if over.any() else {}
+        if batch.learners > 1:
+            infos |= {"idle": waits, "_idle": np.ones(self.num_envs, np.bool_)}
         if self.autoreset_mode is not SAME_STEP:
             self._over = over
         return self._seen(batch.observations), batch.rewards.ravel().copy(), ended, cut, infos
+
+    def _waits(self) -> Array:
+        """Return who waits until all others of its lot are done, and is not paid, (n,)."""
+        is_team = self.batch.task.discipline.settings.get("team", 0.0)
+        return self.batch.buffers.idle.ravel().astype(np.bool_) & (not is_team)
 
     def _last_words(self, over: Array) -> dict[str, Any]:
         """Return what is told of episodes that have just ended. over: booleans (n,)."""

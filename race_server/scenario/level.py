@@ -49,7 +49,7 @@ def level_named(name: str) -> Level:
     Raises:
         ScenarioError: there are none.
     """
-    if name not in LEVELS:
+    if not isinstance(name, str) or name not in LEVELS:
         raise ScenarioError(f"level {name!r} is unknown; choose one of {', '.join(LEVELS)}")
     return LEVELS[name]
 

@@ -1,6 +1,7 @@
 """Scenarios in which vehicles drive to their slots."""
 
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 
 from race_server.core import codes
@@ -42,9 +43,11 @@ def parking_scenario(
         LotError, VehicleError, ScenarioError: one of them does not exist, or is no time limit; or
             the vehicle does not fit into the slots, and has to.
     """
-    if limit_s and not LEAST_ROUND_S <= limit_s <= MOST_ROUND_S:
+    is_number = isinstance(limit_s, Real)
+    if not is_number or (limit_s and not LEAST_ROUND_S <= limit_s <= MOST_ROUND_S):
+        given = f"{limit_s:g}" if is_number else repr(limit_s)
         raise ScenarioError(
-            f"time limit {limit_s:g} s: choose {LEAST_ROUND_S:g} to {MOST_ROUND_S:g} s, or 0 for "
+            f"time limit {given} s: choose {LEAST_ROUND_S:g} to {MOST_ROUND_S:g} s, or 0 for "
             "that of the lot"
         )
     course = load_lot(lot)

@@ -34,6 +34,8 @@ def read_text(path: Path, most_bytes: int, error: type[RaceError]) -> str:
         raise error(f"{path}: cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
         raise error(f"{path}: cannot be read: it is not UTF-8; save it as that") from problem
+    except ValueError as problem:  # of the name: a zero byte, half of a pair of surrogates
+        raise error(f"{str(path)!r}: no file can have this name; give another one") from problem
 
 
 def parse_toml(text: str) -> dict[str, Any]:

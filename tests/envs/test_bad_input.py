@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from race_server.envs import Batch, KartRace, RealityGap, parallel_env
+from race_server.envs.parking.single import park_goal, park_trailer_goal
 from race_server.envs.presets import mixed_task, parking_task, race_task, time_trial_task
 from race_server.envs.single import OneKart
-from race_server.errors import ScenarioError
+from race_server.errors import RaceError, ScenarioError
 from support.tasks import ring_task
 
 
@@ -37,6 +38,27 @@ from support.tasks import ring_task
 def test_a_task_is_refused_for_what_is_wrong_with_it(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         Batch(race_task("oval", karts=2, **options))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"limit_s": "10"}, "time limit '10' s: choose 1 to 3600 s"),
+        ({"level": ["x"]}, r"level \['x'\] is unknown; choose one of"),
+        ({"vehicle": 3}, "vehicle 3 is unknown; choose one of"),
+    ],
+)
+def test_a_task_of_parking_is_refused_for_what_is_wrong_with_it(
+    options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(RaceError, match=message):
+        parking_task("gate", **options)
+
+
+@pytest.mark.parametrize("make", [park_goal, park_trailer_goal])
+def test_an_environment_with_goals_takes_no_other_observation(make: Callable[..., Any]) -> None:
+    with pytest.raises(ScenarioError, match=r"observation = 'park': .* has its own; leave it out"):
+        make(observation="park")
 
 
 def test_an_option_that_no_task_has_is_named_with_those_that_it_has() -> None:

@@ -117,6 +117,38 @@ def test_a_configuration_can_change_with_a_reset() -> None:
     assert (env.config["collision_reward"], env.config["duration"]) == (-7, 100.0)
 
 
+def goals_of(name: str, **options: Any) -> list[Any]:
+    made = gymnasium.make_vec(name, num_envs=6, **options)
+    return made.reset()[0]["desired_goal"].tolist()
+
+
+@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
+def test_cars_that_got_no_seed_have_slots_of_their_own(mode: str) -> None:
+    # Of 28 slots: six cars draw the same one once in 17 million times.
+    first, second = (goals_of("Kart/ParkCompatible-v0", vectorization_mode=mode) for _ in range(2))
+    assert first != second
+    assert any(goal != first[0] for goal in first)
+
+
+def test_cars_with_a_new_configuration_draw_slots_that_follow_from_the_last_seed() -> None:
+    def goals() -> list[list[float]]:
+        env = park(0.0, 0.0, 0.0)
+        env.reset(seed=3)
+        changes = [{"config": {"duration": 50 + number}} for number in range(6)]
+        return [env.reset(options=each)[0]["desired_goal"].tolist() for each in changes]
+
+    assert goals() == goals()
+    assert any(goal != goals()[0] for goal in goals())
+
+
+@needs_highway
+def test_a_road_takes_seeds_of_every_size() -> None:
+    env = gymnasium.make("Kart/RacetrackCompatible-v0", disable_env_checker=True)
+    for seed in (2**63 - 1, 2**63, 2**100):
+        first, again = env.reset(seed=seed)[0], env.reset(seed=seed)[0]
+        assert np.array_equal(first, again)
+
+
 def test_an_option_of_a_reset_that_there_is_not_is_named() -> None:
     with pytest.raises(ScenarioError, match="reset option 'gap' is unknown; choose of config"):
         park(0.0, 0.0, 0.0).reset(options={"gap": {"mass": 1.2}})

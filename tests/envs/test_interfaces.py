@@ -250,6 +250,35 @@ def test_a_vector_offers_all_modes_of_beginning_again(mode: AutoresetMode) -> No
     vector.step(ahead)
 
 
+def test_a_vehicle_that_waits_for_the_others_of_its_lot_is_idle() -> None:
+    """The first backs into a wall; the second stands until 5 s are up, 50 decisions."""
+    options: dict[str, Any] = {"lot": "gate", "vehicles": 2, "limit_s": 5.0}
+    actions, idle, ends = np.float32([[-1.0, 0.0], [0.0, 0.0]]), [], []
+    vector = gymnasium.make_vec("Kart/Park-v0", num_envs=2, **options)
+    first, _ = vector.reset(seed=1)
+    for _ in range(51):
+        seen, _, ended, cut, infos = vector.step(actions)
+        idle.append(infos["idle"].tolist())
+        ends.append((ended | cut).tolist())
+        assert infos["_idle"].all()
+    crash = ends.index([True, False])
+    assert idle == [[False, False]] * (crash + 1) + [[True, False]] * (49 - crash) + [[False] * 2]
+    assert ends[49:] == [[False, True], [False, False]]
+    assert not np.array_equal(seen, first)
+
+
+def test_in_a_team_nobody_is_idle_and_alone_nothing_is_told_of_it() -> None:
+    options: dict[str, Any] = {"lot": "gate", "vehicles": 2, "limit_s": 5.0, "team": True}
+    vector = gymnasium.make_vec("Kart/Park-v0", num_envs=2, **options)
+    vector.reset(seed=1)
+    for _ in range(50):
+        infos = vector.step(np.float32([[-1.0, 0.0], [0.0, 0.0]]))[4]
+        assert infos["idle"].tolist() == [False, False]
+    alone = gymnasium.make_vec("Kart/Park-v0", num_envs=2, lot="gate")
+    alone.reset(seed=1)
+    assert alone.step(np.zeros((2, 2), np.float32))[4] == {}
+
+
 def test_gymnasiums_vector_wrappers_take_it() -> None:
     made = KartVectorEnv(ring_task(1, most_steps=3), worlds=2, autoreset_mode="NextStep")
     vector = NormalizeObservation(RecordEpisodeStatistics(made))

@@ -2,12 +2,14 @@
 
 import sys
 
+import gymnasium
 import numpy as np
 import pytest
 
 from race_server.core import codes
 from race_server.core.lots import BLOCK
 from race_server.core.vehicle_presets import LORRY
+from race_server.envs.parallel import parallel_env
 from race_server.envs.render.colours import (
     ASPHALT,
     CONCRETE,
@@ -107,6 +109,35 @@ def test_a_lorry_shows_its_trailer_behind_it() -> None:
     for behind, colour in ((4.0, PALETTE[0]), (8.0, PALETTE[0]), (14.0, ASPHALT)):  # the axle [m]
         column, row = picture.pixel_of(20.0 - behind, -20.0)
         assert tuple(picture.draw(world)[row, column]) == colour
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Kart/TimeTrial-v0", "Kart/ParkGoal-v0", "Kart/ParkCompatible-v0"],
+)
+def test_a_window_shows_every_reset_and_every_step(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, ...]] = []
+    monkeypatch.setattr(Window, "show", lambda _, frame: shown.append(frame.shape))
+    for mode, pictures in (("human", 3), ("rgb_array", 0), (None, 0)):
+        made = gymnasium.make(name, render_mode=mode, disable_env_checker=True).unwrapped
+        made.reset(seed=1)
+        made.step(np.zeros(made.action_space.shape or (), np.float32))
+        made.step(np.zeros(made.action_space.shape or (), np.float32))
+        assert len(shown) == pictures
+        shown.clear()
+
+
+def test_a_window_shows_every_reset_and_every_step_of_several(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown: list[tuple[int, ...]] = []
+    monkeypatch.setattr(Window, "show", lambda _, frame: shown.append(frame.shape))
+    race = parallel_env(track="oval", karts=2, render_mode="human")
+    race.reset(seed=1)
+    race.step({})
+    assert len(shown) == 2
 
 
 def test_a_window_without_pygame_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

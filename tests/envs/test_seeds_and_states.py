@@ -50,6 +50,31 @@ def test_every_whole_number_is_a_seed(seed: int) -> None:
     assert np.array_equal(vector.reset(seed=seed)[0], vector.reset(seed=seed)[0])
 
 
+def test_a_world_of_a_vector_that_gets_no_seed_draws_one_of_its_own() -> None:
+    def seeds_after(*resets: dict) -> list[int]:
+        vector = KartVectorEnv(time_trial_task("oval", random_start=True), worlds=2)
+        for each in resets:
+            vector.reset(**each)
+        return vector.batch.buffers.rounds["seed"].tolist()
+
+    both, again = seeds_after({"seed": [None, None]}), seeds_after({"seed": [None, None]})
+    assert len({*both, *again}) == 4
+    first, second = seeds_after({"seed": [5, None]})
+    assert first == 5
+    assert second not in {0, 5, 6}
+    only_the_first = {"options": {"reset_mask": np.array([True, False])}}
+    assert seeds_after(only_the_first)[1] == 0
+    assert seeds_after(only_the_first, {})[1] != 0
+
+
+def test_a_world_that_has_a_seed_keeps_it() -> None:
+    vector = KartVectorEnv(time_trial_task("oval", random_start=True), worlds=2)
+    vector.reset(seed=[5, 8])
+    vector.reset(seed=[None, None])
+    vector.reset()
+    assert vector.batch.buffers.rounds["seed"].tolist() == [5, 8]
+
+
 def test_a_reset_with_a_saved_state_knows_what_the_form_had_added() -> None:
     race = parallel_env(track="oval", karts=2, max_cycles=30)
     race.reset(seed=1)

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from race_server.errors import LotError
+from race_server.scenario.lot.load import load_lot
 from support.lots import ONE_BAY, load_text
 
 FAULTS = {
@@ -75,6 +76,19 @@ FAULTS = {
     ),
     "misspelt": (r"colour = 'red': no such key; see lots/README.md", f"colour = 'red'\n{ONE_BAY}"),
     "no area": (r"area is missing: give x0", ONE_BAY.replace("area =", "title = 'x' #")),
+    "occupied slots without slots": (
+        r"\[taken\] share = 0.5 without \[\[rows\]\]: give rows, or leave it out",
+        "area = [0, 40, 0, 20]\n[[zones]]\nrole = 'start'\n[[zones]]\nrole = 'goal'\n"
+        "[taken]\nshare = 0.5\n",
+    ),
+    "starts in slots and in a zone": (
+        r"a zone with role = 'start' beside from_slots = true: leave one of the two out",
+        f"from_slots = true\n{ONE_BAY}[[rows]]\nat = [30, 15]\nlength = 5.2\nwidth = 2.5\n",
+    ),
+    "area far away": (
+        r"area = \[980.0, 1020.0, 0.0, 20.0\]: stay within 1000 m of the origin",
+        ONE_BAY.replace("[0, 40, 0, 20]", "[980, 1020, 0, 20]"),
+    ),
     "large area": (
         r"area = .*: give x0, x1, y0, y1 with sides of 1 to 500 m",
         ONE_BAY.replace("40, 0, 20", "400, 0, 2000"),
@@ -114,6 +128,12 @@ def test_what_is_wrong_with_a_lot_is_one_sentence(fault: str, tmp_path: Path) ->
     with pytest.raises(LotError, match=r"^lot.toml.*" + sentence) as told:
         load_text(tmp_path, text)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("name", ["\0.toml", "\ud800.toml", "a/\0.toml"])
+def test_a_name_that_no_file_can_have_is_one_sentence(name: str) -> None:
+    with pytest.raises(LotError, match="no file can have this name; give another one"):
+        load_lot(name)
 
 
 def test_the_lot_that_they_differ_from_is_good(tmp_path: Path) -> None:

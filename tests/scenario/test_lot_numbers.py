@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from race_server.core.vehicle_presets import vehicle_named
 from race_server.errors import LotError, ScenarioError
+from race_server.scenario.lot.check import check_lot
+from race_server.scenario.lot.ways import Ways, cut_off
 from race_server.scenario.parking import parking_scenario
 from race_server.scenario.track.lot import Lot
 from support.lots import ONE_BAY, load_text
@@ -86,6 +89,42 @@ def test_a_time_limit_is_refused_that_no_lot_may_have(limit_s: float) -> None:
     assert str(told.value) == (
         f"time limit {limit_s:g} s: choose 1 to 3600 s, or 0 for that of the lot"
     )
+
+
+@pytest.mark.parametrize("goal", ["[60, 65]", "[30, 34]"])
+def test_a_start_from_where_a_vehicle_has_left_at_once_is_an_error(
+    goal: str, tmp_path: Path
+) -> None:
+    """From x = 5 to 10 m it is 50 m or more to the one, and less than 30 to the other."""
+    text = "area = [0, 70, 0, 20]\nlevel = 'report-a-1'\n[[zones]]\nrole = 'start'\nx = [5, 10]\n"
+    text += f"y = [10, 10]\n[[zones]]\nrole = 'goal'\nx = {goal}\ny = [10, 10]\n"
+    load_text(tmp_path, text)
+    found = check_lot(str(tmp_path / "lot.toml"), rounds=4)
+    assert [one.level for one in found] == ["error"] * (goal == "[60, 65]")
+    for one in found:
+        assert "m from its slot, and by the level report-a-1 a vehicle beyond 30 m has" in one.what
+
+
+def ways_past(tmp_path: Path, *walls: list[float]) -> list[str]:
+    """Return what walls cut off from a car of 0.19 m, in 200 m by 200 m: cells are 0.14 m."""
+    text = f"area = [0, 200, 0, 200]\nvehicle = 'tt02'\nwalls = {[*walls]}\n"
+    text += "[[rows]]\nat = [150, 100]\nlength = 2\nwidth = 1\n"
+    text += "[[zones]]\nrole = 'start'\nx = [50, 50]\ny = [100, 100]\n"
+    return cut_off(Ways(load_text(tmp_path, text), vehicle_named("tt02")))
+
+
+@pytest.mark.parametrize("lean", [0.0, 30.0, 90.0])
+def test_a_thin_wall_closes_a_large_area_to_a_narrow_car(lean: float, tmp_path: Path) -> None:
+    (found,) = ways_past(tmp_path, [100 - lean, 0, 100 + lean, 200])
+    assert found.startswith("no free way leads from a start to slot 0")
+
+
+@pytest.mark.parametrize("y", [99.9, 99.95, 100.0])
+def test_a_gap_of_20_cm_in_a_thin_wall_lets_a_car_of_19_cm_through(
+    y: float, tmp_path: Path
+) -> None:
+    # A wall has 0.05 m more at each end.
+    assert ways_past(tmp_path, [100, 0, 100, y], [100, y + 0.3, 100, 200]) == []
 
 
 @pytest.mark.parametrize(("limit_s", "taken"), [(0.0, 180.0), (1.0, 1.0), (3600.0, 3600.0)])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from race_server.core.clock import TICKS_PER_SECOND
+from race_server.core.seeds import MOST_SEED
 from race_server.envs.action_shapes import numbers
 from race_server.envs.batch import Batch
 from race_server.envs.compatible.config import Config
@@ -43,7 +44,10 @@ class Cars(Protocol):
         """
 
     def begin(self, w: int, seed: int | None, chance: np.random.Generator) -> None:
-        """Begin an episode of one world; with a seed the same one again."""
+        """Begin an episode of one world; with a seed the same one again.
+
+        chance: draws what the seed leaves open, and the seed of a world that gets and had none.
+        """
 
     def observe(self) -> Any:
         """Return what is seen, with a leading axis W."""
@@ -55,11 +59,14 @@ class Cars(Protocol):
         """Return what is told of every world as it is."""
 
 
-def begin_round(batch: Batch, w: int, seed: int | None) -> None:
-    """Begin a new round of one world; with a seed the same one again."""
-    if seed is not None:
-        batch.seed_next(w, seed)
-    batch.reset(worlds=[w])
+def begin_round(batch: Batch, w: int, seed: int | None, chance: np.random.Generator) -> None:
+    """Begin a new round of one world; with a seed the same one again.
+
+    chance: draws the seed of a world that gets and had none.
+    """
+    if seed is None and not batch.is_sown[w]:
+        seed = int(chance.integers(MOST_SEED))
+    batch.reset([seed], worlds=[w])
 
 
 def decisions_of(config: Config) -> float:

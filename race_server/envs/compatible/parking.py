@@ -76,7 +76,7 @@ class ParkCars:
         """
         self.config = config_of(NAME, self.defaults, changes, FIXED)
         self._weights = np.asarray(self.config["reward_weights"], np.float64)
-        self.batch = Batch(self._task(), worlds=worlds, after=STAY)
+        self.batch = Batch(self._task(), worlds=worlds, seed=None, after=STAY)
         self._steps = np.zeros(worlds, np.int64)
         self._make_outcomes()
         box = spaces.Box(-np.inf, np.inf, (len(SCALES),), np.float64)
@@ -137,8 +137,8 @@ class ParkCars:
         return bind(judge, bodies, seen, places, self._steps, prices, outcomes)
 
     def begin(self, w: int, seed: int | None, chance: np.random.Generator) -> None:
-        """Put one car into the middle, and draw its slot. chance: not used."""
-        begin_round(self.batch, w, seed)
+        """Put one car into the middle, and draw its slot."""
+        begin_round(self.batch, w, seed, chance)
         self._steps[w] = 0
         self._is_judged = False
 

@@ -85,7 +85,7 @@ class RacetrackCars:
         """
         self.config = config_of(NAME, self.defaults, changes, FIXED)
         self._course, self._waypoints = _road()
-        self.batch = Batch(self._task(), worlds=worlds, after=STAY)
+        self.batch = Batch(self._task(), worlds=worlds, seed=None, after=STAY)
         self._steps = np.zeros(worlds, np.int64)
         self._actions = np.zeros((worlds, 4), np.float32)
         shape = (2, CELLS, CELLS)
@@ -125,7 +125,7 @@ class RacetrackCars:
 
         chance: draws where, and how many more there are on the road, as highway-env does.
         """
-        begin_round(self.batch, w, seed)
+        begin_round(self.batch, w, seed, chance)
         self._steps[w] = 0
         lane = int(chance.integers(2))
         self._put(w, 0, chance.uniform(*START), lane, SPEED)

@@ -60,6 +60,7 @@ class CompatibleEnv(gymnasium.Env[Any, Array]):
         if config := known_options(options, ("config",)).get("config"):
             self._build({**self.config, **config})
         self.cars.begin(0, seed, self.np_random)
+        self._camera.follow()
         action = self.action_space.sample()
         return self._seen(), self._told(self.cars.infos(action[None]), action)
 
@@ -70,6 +71,7 @@ class CompatibleEnv(gymnasium.Env[Any, Array]):
             ScenarioError: the action has another shape, or is no number.
         """
         moved = self.cars.move(numbers_of(action, self.action_space.shape)[None])
+        self._camera.follow()
         reward, over, cut = moved.rewards.item(0), moved.over.item(0), moved.cut.item(0)
         return self._seen(), reward, over, cut, self._told(moved.infos, action)
 

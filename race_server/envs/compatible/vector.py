@@ -43,7 +43,7 @@ class CompatibleVector(VectorEnv[Any, Array, Array]):
         self.single_action_space = cars.action_space
         self.observation_space = batch_space(cars.observation_space, self.num_envs)
         self.action_space = batch_space(cars.action_space, self.num_envs)
-        self._chances = [np_random(number)[0] for number in range(self.num_envs)]
+        self._chances = [np_random()[0] for _ in range(self.num_envs)]
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None

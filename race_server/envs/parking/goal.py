@@ -8,7 +8,7 @@ buffer may ask what it would have been for another one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -39,9 +39,19 @@ METRES = 10.0  # that make 1 in a goal
 WEIGHTS = np.array([1.0, 1.0, 0.2, 0.2, 0.05])
 TRAILER_WEIGHTS = np.array([1.0, 1.0, 0.2, 0.2, 0.2, 0.2, 0.05])
 REWARDS = ("sparse", "dense")
-# More than all that is left of -1 at each decision with a discount of 0.95, 20 decisions' worth, so
-# that no crash is better than a slot far away.
+# As much as -1 at each decision for ever with a discount of 0.95: with the sparse reward no crash
+# is better than a slot that is never reached. The dense reward falls below -1 some 10 m from the
+# slot; farther away a crash costs less than to stand for ever.
 CRASH = -20.0
+
+
+class Room(NamedTuple):
+    """A slot, and the body of a vehicle without trailers that has to fit into it, in metres."""
+
+    slot_length: float
+    slot_width: float
+    length: float
+    width: float
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,7 @@ class GoalView:
     level: Level
     top_speed: float  # [m/s]
     reward: str = "sparse"
+    room: Room | None = None  # where all slots have one size, and no trailer is drawn
 
     @staticmethod
     def of(task: Task, layout: Layout, reward: str) -> "GoalView":
@@ -70,7 +81,13 @@ class GoalView:
                 "goals hold the place of the vehicle, and this level judges its last trailer; "
                 "choose another, such as goal-trailer"
             )
-        return GoalView(layout, level, scenario.vehicle_of(0).top_speed, reward)
+        vehicle, lot = scenario.vehicle_of(0), scenario.course.lot
+        sizes = {(length, width) for length, width in lot.slots[:, 3:].tolist()} or {lot.slot_size}
+        room = None
+        if len(sizes) == 1 and not vehicle.trailers:
+            ((length, width),) = sizes
+            room = Room(length, width, vehicle.length, vehicle.width)
+        return GoalView(layout, level, vehicle.top_speed, reward, room)
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -138,7 +155,7 @@ class GoalView:
                 "give one of each for every step"
             )
         if self.reward == "sparse":
-            reward = is_reached(self.level, achieved, desired, self.top_speed) - 1.0
+            reward = is_reached(self.level, achieved, desired, self.top_speed, self.room) - 1.0
         else:
             # Not a matrix product, which rounds a single goal differently.
             reward = -np.sqrt((np.abs(achieved - desired) * self.weights).sum(axis=-1))
@@ -191,11 +208,12 @@ def _crashed(infos: Mapping[str, Any] | Sequence[Any], shape: tuple[int, ...]) -
 
 
 def is_reached(
-    level: Level, achieved: Array, desired: Array, top_speed: float
+    level: Level, achieved: Array, desired: Array, top_speed: float, room: Room | None = None
 ) -> NDArray[np.bool_]:
-    """Return where goals (..., g) are reached, but for the time to hold and corners, shape (...).
+    """Return where goals (..., g) are reached, but for the time to hold, shape (...).
 
-    level: whose tolerances count; top_speed: that makes 1 in a goal [m/s].
+    level: whose tolerances count; top_speed: that makes 1 in a goal [m/s]; room: of the corners,
+    which do not count without it.
     """
     dx, dy = np.moveaxis(METRES * (achieved - desired)[..., :2], -1, 0)
     cos, sin = np.moveaxis(desired[..., 2:4], -1, 0)
@@ -210,6 +228,12 @@ def is_reached(
         holds &= np.abs(across) < level.across
     if level.turn:
         holds &= straight >= np.cos(level.turn)
+    if level.fits and room is not None:
+        cos_turn, sin_turn = abs(straight), abs(achieved[..., 3] * cos - achieved[..., 2] * sin)
+        half_along = 0.5 * (room.length * cos_turn + room.width * sin_turn)
+        half_across = 0.5 * (room.length * sin_turn + room.width * cos_turn)
+        holds &= np.abs(along) + half_along <= 0.5 * room.slot_length
+        holds &= np.abs(across) + half_across <= 0.5 * room.slot_width
     if level.hitch and achieved.shape[-1] == len(TRAILER_WEIGHTS):
         bent = achieved[..., 2] * achieved[..., 4] + achieved[..., 3] * achieved[..., 5]
         holds &= bent >= np.cos(level.hitch)

@@ -10,6 +10,7 @@ from race_server.envs.presets import parking_task
 from race_server.envs.single import OneKart
 from race_server.envs.task import Task
 from race_server.envs.vector import KartVectorEnv, split_options, vector_of
+from race_server.errors import ScenarioError
 
 Goals = dict[str, NDArray[Any]]
 # Terms of the ends that cost as a crash does: an early end must not be better than to drive on.
@@ -94,7 +95,7 @@ def park_goal(
     **options: Any,
 ) -> ParkGoal:
     """Return one vehicle with goals apart from observations; options as for `parking_task`."""
-    task = parking_task(lot, level=level, **{**options, "observation": PARTS})
+    task = _with_goals(lot, PARTS, level=level, **options)
     return ParkGoal(OneKart(task, render_mode=render_mode), reward)
 
 
@@ -117,8 +118,18 @@ def park_trailer_goal(
     **options: Any,
 ) -> ParkGoal:
     """Return one vehicle with a trailer, with goals apart; options as for `parking_task`."""
-    task = parking_task(lot, level=level, **{**options, "observation": TRAILER_PARTS})
+    task = _with_goals(lot, TRAILER_PARTS, level=level, **options)
     return ParkGoal(OneKart(task, render_mode=render_mode), reward)
+
+
+def _with_goals(lot: str, parts: tuple[str, ...], **options: Any) -> Task:
+    """Return the task of parking seen by the parts that goals are made of."""
+    if "observation" in options:
+        raise ScenarioError(
+            f"observation = {options['observation']!r}: an environment with goals has its own; "
+            "leave it out, or take Kart/Park-v0"
+        )
+    return parking_task(lot, observation=parts, **options)
 
 
 def _with_trailer(lot: str, **options: Any) -> Task:

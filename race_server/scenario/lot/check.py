@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.scenario.level import level_named
 from race_server.scenario.lot.drawn import Drawn, draw_rounds
 from race_server.scenario.lot.faults import faults_of
 from race_server.scenario.lot.footprint import Footprint, wall_under
@@ -148,10 +149,16 @@ def _start_fault(course: Course, drawn: Drawn) -> str:
     if fault := _standing_fault(course, drawn):
         return fault
     nearest, farthest = course.lot.distance
+    leave = level_named(course.lot.level).leave
     for start, slot in zip(drawn.starts, drawn.slots, strict=True):
         away = math.hypot(start.x - slot.x, start.y - slot.y)
         if away < nearest - TOUCH or 0.0 < farthest < away - TOUCH:
             return f"it is {away:.2f} m from its slot"
+        if 0.0 < leave < away:
+            return (
+                f"it is {away:.2f} m from its slot, and by the level {course.lot.level} a vehicle "
+                f"beyond {leave:g} m has left"
+            )
     return ""
 
 

@@ -46,6 +46,10 @@ def _missing(course: Course) -> Iterator[str]:
         yield f"from_slots with {count} slots: give two, one to start in and one to go to"
     if not lot.from_slots and "start" not in roles:
         yield "no start: give a zone with role = 'start', or from_slots = true"
+    if lot.from_slots and "start" in roles:
+        yield "a zone with role = 'start' beside from_slots = true: leave one of the two out"
+    if lot.taken.share and not len(lot.slots):
+        yield f"[taken] share = {lot.taken.share:g} without [[rows]]: give rows, or leave it out"
     for role, count in (("blocks", lot.blocks.count[1]), ("people", lot.people.count)):
         if count and role not in roles:
             yield f"[{role}] count = {count}: give a zone with role = {role!r}"

@@ -44,6 +44,7 @@ MOST_ROWS = {
 MOST_CORNERS = 64  # of a polygon
 BEYOND = 50.0  # [m] that an obstacle may reach out of the area
 LARGEST = 500.0  # [m] of one side of the area
+FARTHEST = 1000.0  # [m] from the origin to a side of the area: observations tell no more
 WALL = 0.1  # [m] thickness of a wall
 LEAST_SQUARE = 1e-4  # [m²] of a polygon
 
@@ -123,6 +124,9 @@ def _area(reader: TomlReader) -> Area:
     for low, high in ((x0, x1), (y0, y1)):
         if not 1.0 <= high - low <= LARGEST:
             way_out = f"give x0, x1, y0, y1 with sides of 1 to {LARGEST:g} m"
+            raise reader.wrong("area", [x0, x1, y0, y1], way_out)
+        if max(-low, high) > FARTHEST:
+            way_out = f"stay within {FARTHEST:g} m of the origin"
             raise reader.wrong("area", [x0, x1, y0, y1], way_out)
     return x0, x1, y0, y1
 

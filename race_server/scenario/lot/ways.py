@@ -24,7 +24,8 @@ MOST_CELLS = 2_000_000
 class Ways:
     """Where the middle of a vehicle can be in a lot, as cells, and which of them free ways join.
 
-    A vehicle is taken for a disc as wide as it: what it cannot pass so, it cannot pass at all.
+    A vehicle is taken for a disc as wide as it: what it cannot pass so, it cannot pass at all. In
+    an area so large that a cell is wider than the vehicle, thin walls part nothing.
     """
 
     def __init__(self, course: Course, vehicle: Vehicle) -> None:
@@ -51,6 +52,31 @@ class Ways:
         self._free = np.pad(is_free, 1)
         self._region = np.zeros(self._free.shape, np.int32)
         self._regions = 0
+        # A coarse cell may be free though a wall leads through it. One wider than the vehicle tells
+        # nothing of gaps that it passes.
+        walls = fence if wide / ACROSS < cell <= wide else fence[:0]
+        self._barred = [self._crossed(walls, axis).ravel() for axis in (0, 1)]
+
+    def _crossed(self, walls: Floats, axis: int) -> Bools:
+        """Return from which cells the step to the next one, middle to middle, crosses a wall.
+
+        walls: (P, 4) [m]; axis: 0 for steps along x, 1 along y.
+        """
+        crossed = np.zeros_like(self._free)
+        along_count, lines_count = crossed.shape[1 - axis], crossed.shape[axis]
+        # In cells, with the one more on each side; middles are whole numbers.
+        ends = (walls.reshape(-1, 2, 2) - (self._x0, self._y0)) / self._cell + 0.5
+        for start, end in ends:
+            (a, b), (first, last) = (start[1 - axis], end[1 - axis]), (start[axis], end[axis])
+            low, high = max(math.ceil(min(a, b)), 0), min(math.floor(max(a, b)), lines_count - 1)
+            if a == b or low > high:
+                continue
+            lines = np.arange(low, high + 1)
+            cells = np.floor(first + (lines - a) / (b - a) * (last - first)).astype(int)
+            is_in = (cells >= 0) & (cells < along_count)
+            places = (lines[is_in], cells[is_in])
+            crossed[places if axis == 0 else places[::-1]] = True
+        return crossed
 
     def _fill(self, is_free: Bools, is_deep: Bools, loop: Floats) -> None:
         """Take what lies deep inside a loop of sides out of the free cells."""
@@ -88,9 +114,10 @@ class Ways:
         front = np.array([first])
         region[front] = self._regions
         columns = self._free.shape[1]
-        steps = np.array([1, -1, columns, -columns])
+        steps, (east, north) = np.array([1, -1, columns, -columns]), self._barred
         while len(front):
-            beside = (front[:, None] + steps).ravel()
+            is_barred = [east[front], east[front - 1], north[front], north[front - columns]]
+            beside = (front[:, None] + steps)[~np.stack(is_barred, axis=1)]
             front = np.unique(beside[free[beside] & (region[beside] == 0)])
             region[front] = self._regions
 
