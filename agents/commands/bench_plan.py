@@ -67,8 +67,10 @@ def bench_plan(
         print_document(measured.document())
     else:
         _show(measured)
-    if plot is not None:
+    if plot is not None and measured.shown:
         plot_plans(parked, measured.shown, plot)
+    elif plot is not None:
+        Console(stderr=True).print(f"nothing was solved: {plot} is not drawn", soft_wrap=True)
 
 
 def _show(measured: "Measured") -> None:

@@ -84,7 +84,8 @@ def demonstrate(
         driven, contacts = recorded.laps, recorded.wall_contacts
     else:
         shown, runs = drive_laps(driver, names, vehicle, laps, seed, noise)
-        driven, contacts = laps, sum(run.crashes for run in runs)
+        driven = sum(len(run.laps) for run in runs)
+        contacts = sum(run.crashes for run in runs)
     write_demonstrations(out, shown)
     _show(out, shown, driven, contacts, as_json=as_json)
 

@@ -1,6 +1,7 @@
 """`race exam coaching`: whether the coach names faults that are known."""
 
-from typing import Annotated, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -11,6 +12,9 @@ from race_server.cli.options import names_in, once, seeds_from
 from race_server.core.seeds import HELD_OUT
 from race_server.errors import ScenarioError
 from race_server.terminal import Console
+
+if TYPE_CHECKING:
+    from race_agents.pupils.coaching_exam import CoachingExamSpec
 
 SEEN = ", as spectators see them"
 
@@ -38,7 +42,7 @@ def coaching(
     Each kind of fault is driven in three sizes in each corner of each course by each pupil. A habit
     that costs less than 40 ms is counted as harmless. Weak motors cost time without a fault.
     """
-    from race_agents.pupils.coaching_exam import CoachingExamSpec, document_of, examine
+    from race_agents.pupils.coaching_exam import CoachingExamSpec
 
     names = once(names_in(tracks))
     if not names:
@@ -46,10 +50,18 @@ def coaching(
     chosen = seeds_from(first_seed, seeds)
     specs = [CoachingExamSpec(name, vehicle, chosen, seen) for name in names]
     examined(
-        lambda watch: {"rows": [document_of(spec, list(examine(spec, watch))) for spec in specs]},
+        lambda watch: {"rows": [_row(spec, watch) for spec in specs]},
         _show_all,
         as_json=as_json,
     )
+
+
+def _row(spec: "CoachingExamSpec", watch: Callable[[str], None]) -> dict[str, Any]:
+    """Return the exam of one course."""
+    from race_agents.pupils.coaching_exam import School, document_of, examine
+
+    school = School(spec.track, spec.vehicle)
+    return document_of(spec, list(examine(spec, school, watch)), len(school.corners))
 
 
 def _show_all(document: dict[str, Any]) -> None:
@@ -81,3 +93,5 @@ def _show(row: dict[str, Any]) -> None:
         f"{row['weak_corners_with_a_word']} called unknown",
         highlight=False,
     )
+    for seed in row["failed_seeds"]:
+        console.print(f"pupil {seed} did not come round without a fault", style="yellow")

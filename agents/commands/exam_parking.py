@@ -1,5 +1,6 @@
 """`race exam parking` and `race exam trailer`: drivers that park, on tasks given by seeds."""
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -104,7 +105,9 @@ def parking(options: ParkingOptions) -> None:
     """Let drivers park, and count what is parked, aligned, hit, and how long it takes.
 
     Times and ways are of parked vehicles, and beside them those of the planner for the same task.
-    A task of a lot is the same for every driver and every day: its seed decides it.
+    A plan goes on to the middle of the slot and stops there: where the level asks for less, a ratio
+    below 1 is no better way. A task of a lot is the same for every driver and every day: its seed
+    decides it.
     """
     _examine_and_tell(options)
 
@@ -174,34 +177,52 @@ def _examine_and_tell(options: ParkingOptions) -> None:
         )
         for scenario in scenarios
     ]
-    console = Console(stderr=True)
-    begun = time.monotonic()
-    results = list(_examine(specs, drivers, console))
+    console, begun = Console(stderr=True), time.monotonic()
+    results, stopped = _finished(_examine(specs, drivers, console))
     recorded: list[dict[str, Any]] = []
     if not options.as_json:
         show_parking(results)
     try:
-        if options.record is not None:
+        if options.record is not None and not stopped:
             _record(results, options.record, console, recorded)
+    except KeyboardInterrupt:
+        stopped = True
     finally:
         # Hours of driving are told whatever becomes of their recordings.
-        _tell(options, results, recorded, round(time.monotonic() - begun, 1))
+        end = {"stopped": stopped, "wall_s": round(time.monotonic() - begun, 1)}
+        _tell(options, results, recorded, end)
+    if stopped:
+        console.print("stopped: these are the rows that were finished", style="yellow")
+        sys.exit(130)
+
+
+def _finished(results: Iterator[Result]) -> tuple[list[Result], bool]:
+    """Return what an exam finished, and whether Ctrl-C stopped it."""
+    finished: list[Result] = []
+    try:
+        finished.extend(results)  # those before the one that is stopped stay in the list
+    except KeyboardInterrupt:
+        return finished, True
+    return finished, False
 
 
 def _tell(
     options: ParkingOptions,
     results: Sequence[Result],
     recorded: Sequence[dict[str, Any]],
-    wall_s: float,
+    end: dict[str, Any],
 ) -> None:
-    """Print the document of an exam, or what was recorded of it, and draw its picture."""
+    """Print the document of an exam, or what was recorded of it, and draw its picture.
+
+    end: of the document.
+    """
     if options.as_json:
-        document = {"rows": [result.row() for result in results], "wall_s": wall_s}
+        document = {"rows": [result.row() for result in results], **end}
         print_document(document | ({"recordings": recorded} if options.record else {}))
     for row in () if options.as_json else recorded:
         words = f"{row['path']}: {row['driver']}, seed {row['seed']}, {row['endings']}"
         Console().print(words, highlight=False, soft_wrap=True)
-    if options.plot is not None:
+    if options.plot is not None and results:
         _draw(results, options.plot)
 
 

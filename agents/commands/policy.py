@@ -43,7 +43,8 @@ def check(
         typer.Option(
             min=1,
             max=MOST_OBSERVATIONS,
-            help="Number of observations to compare, from tracks that no policy learns on.",
+            help="Number of observations to compare, from the tracks of the set unseen (longer "
+            "vehicles: unseen-kart), or from lots.",
         ),
     ] = 10_000,
     example: Annotated[
@@ -168,7 +169,7 @@ def _show(document: dict[str, Any]) -> None:
         "one decision": f"{times['median']:.0f} µs, 99 of 100 within {times['p99']:.0f} µs, "
         "one at a time on one thread",
         "observations": f"{document['observations']} of "
-        + ("lots under unseen seeds" if metadata["lots"] else "the unseen tracks"),
+        + ("lots under unseen seeds" if metadata["lots"] else _set_of(metadata)),
         "sees": _parts(metadata),
         **{
             name.removesuffix("_s").replace("_", " "): _fact(metadata[name]) + unit
@@ -191,6 +192,12 @@ def _show(document: dict[str, Any]) -> None:
         console.print(f"{words}; {limit}")
     else:
         console.print(f"{words}, {limit}: export it again", style="red")
+
+
+def _set_of(metadata: dict[str, Any]) -> str:
+    from race_agents.policies.verification import set_for
+
+    return f"the tracks of the set {set_for(metadata['vehicle'])}"
 
 
 def _parts(metadata: dict[str, Any]) -> str:

@@ -42,6 +42,11 @@ CHUNK_BYTES = 64 * 1024
 MOST_WAITING = 6000
 NANOSECONDS = 1_000_000_000
 TOPIC, SCHEMA = "kart/turn", "kart.Turn"
+# Errors of MCAP, of JSON and of unpacking on a torn or foreign file: LZ4's are RuntimeErrors, and
+# so is that of a message whose brackets go too deep.
+_DAMAGES = (
+    *(McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError, RuntimeError),
+)
 
 
 class BlackBox:
@@ -232,7 +237,7 @@ def _turns_in(file: BufferedReader, path: Path) -> Iterator[Turn]:
                     )
                 yield turn
     # The end is torn where the kart's program was killed.
-    except (McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:
+    except _DAMAGES as error:
         if TOPIC not in topics.values():
             raise RecordingError(f"{path} is no black box of a kart: {error}") from error
     if TOPIC not in topics.values():

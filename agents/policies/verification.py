@@ -1,4 +1,4 @@
-"""Verify a policy file on observations from courses or rounds that no policy learns on.
+"""Verify a policy file on observations from a set of courses, or from rounds in lots.
 
 Nothing here needs PyTorch; `race_agents.training.parity` makes the comparison with the learner.
 """
@@ -53,7 +53,7 @@ class Times:
 
 
 def observations_of(policy: Policy, count: int) -> Rows:
-    """Return observations of a policy that drives where it did not learn, shape (count, size).
+    """Return observations of a policy that drives, shape (count, size).
 
     Raises:
         RaceError: it cannot drive there.
@@ -72,7 +72,7 @@ def _seen(batch: Batch, policy: Policy) -> Iterator[Rows]:
 
 
 def _task(metadata: PolicyMetadata) -> Task:
-    """Return a task of all unseen tracks, from random places, without end; or of lots."""
+    """Return a task of a set of tracks, from random places, without end; or of lots."""
     if metadata.lots:
         return _lots_task(metadata)
     others = OTHERS if any(part.startswith("karts") for part in metadata.parts) else ()
@@ -118,10 +118,18 @@ def _lots_task(metadata: PolicyMetadata) -> Task:
     )
 
 
+def set_for(vehicle: str) -> str:
+    """Return the name of the set of tracks for policies of a vehicle.
+
+    It is that of the last evaluation, unless a policy's settings say otherwise: it may have learned
+    on some.
+    """
+    return UNSEEN if vehicle_named(vehicle).is_model_car else UNSEEN_KART
+
+
 def _courses(metadata: PolicyMetadata) -> list[str]:
-    """Return the unseen courses; with a reference line only those whose line is bundled."""
-    is_small = vehicle_named(metadata.vehicle).is_model_car
-    names = set_named(UNSEEN if is_small else UNSEEN_KART)
+    """Return the courses of the set; with a reference line only those whose line is bundled."""
+    names = set_named(set_for(metadata.vehicle))
     if metadata.base or wants_line(metadata.parts):
         return [name for name in names if not name.startswith("generated:")]
     return names

@@ -20,6 +20,7 @@ from race_server.competition.proportion import wilson_interval
 from race_server.competition.time_trial.gaps import NONE, Gap
 from race_server.core.vehicle_presets import vehicle_named
 from race_server.envs.reality_gap import RealityGap
+from race_server.errors import ScenarioError
 from race_server.scenario.raceline.attach import reference_line
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.line import ReferenceLine
@@ -75,7 +76,11 @@ class School:
     """A course with its corners, and the lap that all are compared with."""
 
     def __init__(self, track: str, vehicle_name: str) -> None:
-        """Find the corners, and let the line be raced: pupils have the speeds of that lap."""
+        """Find the corners, and let the line be raced: pupils have the speeds of that lap.
+
+        Raises:
+            RaceError: the course or the vehicle does not exist, or its line cannot be driven round.
+        """
         self.course, vehicle = load_course(track), vehicle_named(vehicle_name)
         self.vehicle, self.bounds = vehicle_name, bounds_of(vehicle)
         line = reference_line(self.course, vehicle)
@@ -83,11 +88,13 @@ class School:
         self.corners = corners_of(self.limit)
         road = road_of(self.course, line, self.bounds, self.limit)
         raced = drive_lap(self.course, self.vehicle, line, 0, racer=True)
-        assert raced is not None, "the reference line is not driven round"
+        if raced is None:
+            raise _not_round(track, vehicle_name, "raceline")
         driven = np.interp(road.progress, raced.progress, raced.speed)
         self.road = replace(road, line=replace(line, speed=np.minimum(line.speed, driven)))
         lap = drive_lap(self.course, self.vehicle, self.road.line, 0)
-        assert lap is not None, "the line is not driven round at the speeds of the race"
+        if lap is None:
+            raise _not_round(track, vehicle_name, "a pupil without faults")
         self.best = lap
 
     def pupil(self, seed: int) -> Road:
@@ -107,11 +114,20 @@ class School:
         return {one.corner.name: one for one in faults_of(lap, self.best, loss)}
 
 
+def _not_round(track: str, vehicle: str, who: str) -> ScenarioError:
+    return ScenarioError(
+        f"track {track!r} with vehicle {vehicle!r}: {who} does not come round on the reference "
+        "line; choose another course or vehicle"
+    )
+
+
 def examine(
-    spec: CoachingExamSpec, watch: Callable[[str], None] = lambda _: None
+    spec: CoachingExamSpec, school: School, watch: Callable[[str], None] = lambda _: None
 ) -> Iterator[Attempted]:
-    """Yield what the coach says of each lap: clean ones, weak motors, and each fault."""
-    school = School(spec.track, spec.vehicle)
+    """Yield what the coach says of each lap: clean ones, weak motors, and each fault.
+
+    A pupil that does not come round without a fault has no lap.
+    """
     seen_by = school.bounds if spec.is_seen else None
     for seed in spec.seeds:
         watch(f"{spec.track}, seed {seed}")
@@ -243,13 +259,14 @@ def _share(part: int, whole: int) -> float | None:
     return round(part / whole, 4) if whole else None
 
 
-def document_of(spec: CoachingExamSpec, tried: Sequence[Attempted]) -> dict[str, Any]:
-    """Return an exam as a document, each lap included."""
-    corners = len({one.corner for one in tried if one.corner})
+def document_of(spec: CoachingExamSpec, tried: Sequence[Attempted], corners: int) -> dict[str, Any]:
+    """Return an exam as a document, each lap included. corners: of the course."""
+    driven = {one.seed for one in tried}
     place = {
         "track": spec.track,
         "vehicle": spec.vehicle,
-        "seeds": len(spec.seeds),
+        "seeds": len(driven),
+        "failed_seeds": [seed for seed in spec.seeds if seed not in driven],
         "seen": spec.is_seen,
     }
     return place | summary_of(tried, corners) | {"tries": [asdict(one) for one in tried]}

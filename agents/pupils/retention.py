@@ -19,7 +19,9 @@ from race_server.coaching.fading import (
     after_lap,
 )
 from race_server.coaching.faults import FaultKind
+from race_server.coaching.lap import Lap
 from race_server.core.clock import MICROSECONDS
+from race_server.errors import ScenarioError
 
 NEVER, ALWAYS, FADING = "never", "always", "fading"
 WAYS = (NEVER, ALWAYS, FADING)
@@ -84,11 +86,24 @@ class _Fixed:
 def school_all(
     spec: RetentionSpec, watch: Callable[[str], None] = lambda _: None
 ) -> Iterator[Schooling]:
-    """Yield every pupil under each way of helping."""
+    """Yield every pupil under each way of helping.
+
+    Raises:
+        RaceError: the course or the vehicle does not exist, the course has fewer corners than a
+            pupil has habits, or a pupil does not come round.
+    """
     school = School(spec.track, spec.vehicle)
+    if len(school.corners) < HABITS:
+        raise ScenarioError(
+            f"track {spec.track!r} has {len(school.corners)} corners for {spec.vehicle!r}, and a "
+            f"pupil has habits in {HABITS}; choose a course with more"
+        )
     for seed in spec.seeds:
         pupil, alone = _pupil(school, seed, spec.by), range(1 + COACHED, 1 + COACHED + ALONE)
-        flawless = tuple(_time(school, _road(school, seed, lap), seed) for lap in (0, *alone))
+        flawless = tuple(
+            _driven(school, _road(school, seed, lap), seed).time_us / MICROSECONDS
+            for lap in (0, *alone)
+        )
         for way in WAYS:
             watch(f"pupil {seed}, help {way}")
             laps_s, helped = _taught(school, pupil, seed, way, spec.by)
@@ -131,8 +146,7 @@ def _taught(
             line = line_with(road, Habit(kind, corner, size))
             assert line is not None
             road = replace(road, line=line)
-        driven = drive_lap(school.course, school.vehicle, road.line, seed)
-        assert driven is not None, f"pupil {seed} does not come round in lap {lap}"
+        driven = _driven(school, road, seed)
         times.append(driven.time_us / MICROSECONDS)
         counts.append(sum(helped))
         faults = school.judge(driven)
@@ -151,10 +165,14 @@ def _road(school: School, seed: int, lap: int) -> Road:
     return school.pupil(1000 * seed + lap)
 
 
-def _time(school: School, road: Road, seed: int) -> float:
+def _driven(school: School, road: Road, seed: int) -> Lap:
     driven = drive_lap(school.course, school.vehicle, road.line, seed)
-    assert driven is not None, f"pupil {seed} does not come round"
-    return driven.time_us / MICROSECONDS
+    if driven is None:
+        raise ScenarioError(
+            f"pupil {seed} does not come round on {school.course.name!r}; leave that seed out with "
+            "--first-seed, or choose another course"
+        )
+    return driven
 
 
 def _next(way: str, by: str, now: Attention, *, is_inside: bool) -> Attention:

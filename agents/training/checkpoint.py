@@ -6,6 +6,7 @@ read with PyTorch's restricted reader, which unpickles no code.
 
 import io
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, Protocol
@@ -100,7 +101,8 @@ def begin_with(path: Path, learner: Any, world: Normaliser) -> None:
     Raises:
         ScenarioError: the checkpoint is missing, damaged or of other settings.
     """
-    companions = {name: one.state() for name, one in companions_in(world).items()}
+    # A copy: networks load what they are given into the tensors of their state.
+    companions = {name: deepcopy(one.state()) for name, one in companions_in(world).items()}
     counters = {name: getattr(learner, name) for name in COUNTERS}
     load_checkpoint(path, learner, world, Budget(None, 1))
     seen: Any = world.obs_rms

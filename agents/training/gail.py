@@ -15,6 +15,10 @@ from torch.nn import functional
 from race_agents.training.demonstrations import pairs_for
 from race_agents.training.reward_wrapper import Rows, RunningScale, network
 from race_agents.training.settings import Gail, Settings
+from race_server.core.messages import Button
+from race_server.envs.actions import CONTINUOUS, CONTROL, action_kind
+from race_server.envs.presets import LEARNING_RULES
+from race_server.scenario.parking import LOT_RULES
 
 
 class Discriminator:
@@ -30,7 +34,12 @@ class Discriminator:
         """
         wanted: Gail = settings.gail
         self._wanted = wanted
-        self._seen, self._actions = pairs_for(settings, Path(wanted.demonstrations))
+        self._kind = action_kind(settings.action)
+        usual = LOT_RULES if settings.parks else LEARNING_RULES
+        has_items = settings.race.rules.get("items", usual.items)
+        self._buttons = int(Button.ACCEPT_RESCUE | (Button.USE_ITEM if has_items else 0))
+        self._seen, shown = pairs_for(settings, Path(wanted.demonstrations))
+        self._actions = self._as_taken(shown)
         size = self._seen.shape[1] + self._actions.shape[1]
         self._network = network((size, *wanted.layers, 1), settings.seed)
         self._optimiser = torch.optim.Adam(self._network.parameters(), lr=wanted.learning_rate)
@@ -41,11 +50,12 @@ class Discriminator:
     def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
         """Return -log(1 - D) for each transition, shape (n,), D being the chance of an expert."""
         with torch.no_grad():
-            return np.asarray(self._wanted.scale * functional.softplus(self._logit(seen, actions)))
+            logits = self._logit(seen, self._as_taken(actions))
+            return np.asarray(self._wanted.scale * functional.softplus(logits))
 
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
         """Train to distinguish driving from demonstrations."""
-        count = self._wanted.batch_size
+        count, actions = self._wanted.batch_size, self._as_taken(actions)
         for _ in range(self._wanted.lessons):
             own = self._chance.integers(0, len(seen), count)
             shown = self._chance.integers(0, len(self._seen), count)
@@ -74,6 +84,18 @@ class Discriminator:
         self._network.load_state_dict(state["network"])
         self._optimiser.load_state_dict(state["optimiser"])
         self._scale.restore(state["scale"])
+
+    def _as_taken(self, actions: Rows) -> Rows:
+        """Return actions as the world takes them, (n, A): the last number is of the buttons.
+
+        Only which of them are pressed counts, and without items none to use one.
+        """
+        if self._kind not in {CONTINUOUS, CONTROL}:
+            return actions
+        taken, last = actions.copy(), actions[:, -1]
+        pressed = last > 0.5 if self._kind == CONTINUOUS else last
+        taken[:, -1] = pressed.astype(np.int64) & self._buttons
+        return taken
 
     def _logit(self, seen: Rows, actions: Rows, blur: float = 0.0) -> torch.Tensor:
         """Return the logit that pairs are the expert's, shape (n,); blur: noise on all inputs."""

@@ -34,11 +34,12 @@ def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, RecordedDr
     """Return the demonstrations of a seat of a recording, and its figures.
 
     A pair is the observation when a decision was due, and the control that acted last before the
-    next one: by then an answer over the network has come. There are none before the start and none
-    after the finish of the kart.
+    next one: by then an answer over the network has come. There are none before the start, none
+    after the finish of the kart, and none while the parking driver of the server drives it.
 
     Raises:
-        RecordingError: the recording is damaged, differs when simulated, or its seat has no driver.
+        RecordingError: the recording is damaged, differs when simulated, or its seat has no driver
+            that drove.
     """
     recording = read_recording(path)
     about = _about(recording, seat)
@@ -48,18 +49,23 @@ def demonstrations_in(path: Path, seat: int) -> tuple[Demonstrations, RecordedDr
     pairs: list[tuple[Float32s, Float32s]] = []
     events: list[Event] = []
     seen, control, races = _look(session, seat), session.acting(seat), True
+    is_own = True  # the driver of the seat has driven since the last decision
     for happened in watched.run(most_ticks=1):
         events += [event for event in happened if event.kart == seat]
         # After its finish the control is no longer the driver's.
         control = session.acting(seat) if races else control
         races = _races(session, seat)
+        is_own &= not session.seats[seat].is_led
         if session.tick % due == 0:
-            pairs += [(seen, control)] if seen is not None else []
-            seen = _look(session, seat)
-    if seen is not None and session.tick % due:
+            pairs += [(seen, control)] if seen is not None and is_own else []
+            seen, is_own = _look(session, seat), True
+    if seen is not None and is_own and session.tick % due:
         pairs.append((seen, control))  # the race was over before the next decision
     if not pairs:
-        raise RecordingError(f"{path}: the kart of seat {seat} never raced")
+        raise RecordingError(
+            f"{path}: the kart of seat {seat} never raced, or only while the server's parking "
+            "driver drove it; choose another seat"
+        )
     observations, controls = (np.stack(column) for column in zip(*pairs, strict=True))
     return Demonstrations(about, observations, controls), _drive_of(events)
 

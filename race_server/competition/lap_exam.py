@@ -82,7 +82,11 @@ class LapExamSpec:
     traffic: int = 0
 
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
-        """Return a run for each driver with each gap on each course."""
+        """Return a run for each driver with each gap on each course.
+
+        The number of a course in the list is its seed: what a gap draws differs between courses,
+        and is the same for all drivers.
+        """
         like = RunSpec(
             *("", "", self.vehicle),
             laps=self.laps + self.warm_up - 1,
@@ -91,8 +95,10 @@ class LapExamSpec:
             traffic=self.traffic,
         )
         return [
-            replace(like, driver=driver, gap=gap, track=course)
-            for driver, gap, course in product(drivers, self.gaps, self.courses)
+            replace(like, driver=driver, gap=gap, track=course, seed=seed)
+            for driver, gap, (seed, course) in product(
+                drivers, self.gaps, enumerate(self.courses, start=1)
+            )
         ]
 
 

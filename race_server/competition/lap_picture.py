@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from race_server.competition.lap_exam import CourseTry, LapRow
@@ -59,7 +60,6 @@ def _draw_times(panel: Any, place: int, tries: Sequence[CourseTry]) -> None:
     """Draw a dot for each course, spread over the band in the order of the courses."""
     for number, one in enumerate(tries):
         if one.ratios:
-            middle = sorted(one.ratios)[len(one.ratios) // 2]
             height = place + _BAND * (2.0 * (number + 0.5) / len(tries) - 1.0)
             colour = _CLEAN if one.clean == one.laps_wanted else _SPOILT
-            panel.plot(middle, height, "o", color=colour, markersize=3.5, alpha=0.8)
+            panel.plot(median(one.ratios), height, "o", color=colour, markersize=3.5, alpha=0.8)

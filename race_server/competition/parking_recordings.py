@@ -1,8 +1,8 @@
 """Tasks of an exam that failed, driven again in a session, so that recordings of them are played.
 
 The session is the lot's, with the seed of the task's round, the exam's interval of decisions and
-the driver inside. It has a countdown, and no delay of controls: the same task, in which a driver
-may fare better or worse than in the exam.
+the driver inside. It has no delay of controls, and a driver that shares its way with others does so
+where it is alone, too: the same task, in which it may fare better or worse than in the exam.
 """
 
 import re
@@ -13,7 +13,7 @@ from pathlib import Path
 from race_server.competition.launch import free_address
 from race_server.competition.parking_exam import DECISION_TICKS, ExamSpec, Try
 from race_server.core.messages import Ending
-from race_server.errors import RecordingError
+from race_server.errors import DriverError, RecordingError
 from race_server.live.server import LOCKSTEP, RaceServer
 from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
@@ -37,7 +37,8 @@ def record_tasks(
 ) -> Iterator[Recorded]:
     """Drive the tasks of some tries in sessions, each once, and yield their recordings.
 
-    log: is told of a recording that fails.
+    log: is told of a recording that fails, and of a driver that fails before it drives, of whose
+    task there is none.
 
     Raises:
         RecordingError: the folder cannot be written, or a recording has failed.
@@ -47,7 +48,12 @@ def record_tasks(
     for seed, round_seed in sorted(rounds.items()):
         scenario = replace(spec.scenario_of(), seed=round_seed)
         name = _name_of(scenario.course.name, seed)
-        yield _record(scenario, driver, seed, name, folder, log)
+        try:
+            recorded = _record(scenario, driver, seed, name, folder, log)
+        except DriverError as error:
+            log(f"seed {seed} is not recorded: {error}")
+        else:
+            yield recorded
 
 
 def _name_of(lot: str, seed: int) -> str:

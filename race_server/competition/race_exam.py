@@ -8,7 +8,7 @@ import contextlib
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -59,6 +59,7 @@ class KartOutcome:
     rescues: int
     wrong_way: int  # times that it drove backwards
     remark: str = ""  # why it retired, and its penalties
+    failed: bool = False  # the driver was not ready, raised, or took too long
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class RaceRow:
     kart_contacts: int
     rescues: int
     wrong_way: int
-    retired: dict[str, str] = field(default_factory=dict)  # course with seed: why, of each race
+    retired: dict[str, str] = field(default_factory=dict)  # course with seed: why, of each kart
 
 
 def tasks_of(
@@ -98,11 +99,14 @@ def tasks_of(
     """Return the races: each course in turn, each driver once from each place of the grid.
 
     Raises:
-        ScenarioError: there is one driver or none, or a course has too few places.
+        ScenarioError: there are not two different drivers, or a course has too few places.
         RaceError: a course, the vehicle or a driver does not exist.
     """
-    if len(drivers) < 2:
-        raise ScenarioError("a race needs two drivers or more, separated by commas")
+    if len(set(drivers)) < 2:
+        raise ScenarioError(
+            f"drivers {', '.join(drivers) or 'none'}: a race needs two different ones or more; "
+            "name them separated by commas"
+        )
     vehicle_named(like.vehicle)
     for course in courses[:races]:
         if len(load_course(course).grid) < len(drivers):
@@ -150,7 +154,8 @@ def hold_races(
     outcomes = run_all(Work(drive_race, lost_race), waiting, jobs, report)
     with contextlib.closing(outcomes):
         for _, outcome in outcomes:
-            if not outcome.failure:
+            # What the clock of this machine decided may be another race the next time.
+            if not outcome.failure and not any(kart.failed for kart in outcome.karts):
                 keep_outcome(_kept(outcome.task, editions), asdict(outcome))
             yield outcome
 
@@ -182,8 +187,9 @@ def drive_race(task: RaceTask, tell: Tell) -> RaceOutcome:
 
     # Names of teams are unique, and drivers may have several karts.
     teams = [Team(str(seat), name) for seat, name in enumerate(task.drivers)]
-    record = LocalRace("exam", scenario, None).run(teams, task.seed, watch)
-    return RaceOutcome(task, _karts_of(record, task.drivers, counts))
+    race = LocalRace("exam", scenario, None)
+    record = race.run(teams, task.seed, watch)
+    return RaceOutcome(task, _karts_of(record, task.drivers, counts, race.failed))
 
 
 def lost_race(task: RaceTask, _begun_at: str, why: str) -> RaceOutcome:
@@ -224,14 +230,20 @@ def race_rows(outcomes: Sequence[RaceOutcome]) -> list[RaceRow]:
                 kart_contacts=sum(kart.kart_contacts for kart in karts),
                 rescues=sum(kart.rescues for kart in karts),
                 wrong_way=sum(kart.wrong_way for kart in karts),
-                retired={
-                    f"{task.course} seed {task.seed}": kart.remark or "did not finish"
-                    for task, kart in own
-                    if not kart.has_finished
-                },
+                retired=_retired(own),
             )
         )
     return rows
+
+
+def _retired(own: Sequence[tuple[RaceTask, KartOutcome]]) -> dict[str, str]:
+    """Return why karts of a driver did not finish, those of one race with a slash between."""
+    found: dict[str, list[str]] = {}
+    for task, kart in own:
+        if not kart.has_finished:
+            where = f"{task.course} seed {task.seed}"
+            found.setdefault(where, []).append(kart.remark or "did not finish")
+    return {where: " / ".join(remarks) for where, remarks in found.items()}
 
 
 def _mean_places(driven: Sequence[RaceOutcome], driver: str) -> dict[str, float]:
@@ -245,7 +257,10 @@ def _mean_places(driven: Sequence[RaceOutcome], driver: str) -> dict[str, float]
 
 
 def _karts_of(
-    record: RaceRecord, drivers: Sequence[str], counts: Mapping[tuple[int, EventKind], int]
+    record: RaceRecord,
+    drivers: Sequence[str],
+    counts: Mapping[tuple[int, EventKind], int],
+    failed: Container[str],
 ) -> tuple[KartOutcome, ...]:
     return tuple(
         KartOutcome(
@@ -259,6 +274,7 @@ def _karts_of(
             rescues=counts[int(drive.team), EventKind.RESCUED],
             wrong_way=counts[int(drive.team), EventKind.WRONG_WAY],
             remark=drive.remark,
+            failed=drive.team in failed,
         )
         for rank, drive in enumerate(record.drives, start=1)
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
 from race_agents.onboard.black_box import TOPIC, read_black_box
@@ -16,15 +16,15 @@ ALERT = {"stage": "none", "kind": "nothing", "distance": None}
 TURN = {"time_s": 1.0, "command": [0.0, 0.5, 0.0], "cause": [], "alert": ALERT}
 
 
-def written(path: Path, *turns: Any) -> Path:
-    """Return a file of turns."""
+def written(path: Path, *turns: Any, packed: CompressionType = CompressionType.ZSTD) -> Path:
+    """Return a file of turns; one given as bytes is written as it is."""
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=packed)
         writer.start("another", "program")
         schema = writer.register_schema("kart.Turn", "jsonschema", b"{}")
         channel = writer.register_channel(TOPIC, "json", schema)
         for at, turn in enumerate(turns):
-            data = json.dumps(turn).encode()
+            data = turn if isinstance(turn, bytes) else json.dumps(turn).encode()
             writer.add_message(channel, log_time=at, publish_time=at, data=data)
         writer.finish()
     return path
@@ -77,3 +77,19 @@ def test_what_a_kart_does_not_know_is_no_fault(tmp_path: Path) -> None:
     told = CliRunner().invoke(app, ["black-box", str(path)])
     assert (told.exit_code, told.exception) == (0, None)
     assert "3 turns in 1 s" in told.stdout
+
+
+def test_turns_are_read_up_to_one_whose_brackets_go_too_deep(tmp_path: Path) -> None:
+    path = written(tmp_path / "kart.mcap", TURN, b"[" * 200_000)
+    assert list(read_black_box(path)) == [TURN]
+
+
+def test_a_file_whose_packed_part_is_damaged_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    path = written(tmp_path / "kart.mcap", TURN, packed=CompressionType.LZ4)
+    content = bytearray(path.read_bytes())
+    frame = content.index(b"lz4") + 15
+    for place in range(frame, frame + 15):
+        content[place] ^= 0x5A
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"kart\.mcap is no black box of a kart"):
+        list(read_black_box(path))

@@ -130,6 +130,13 @@ def test_a_command_records_laps_from_which_a_network_learns(tmp_path: Path) -> N
     assert errors[1] < 0.1
 
 
+def test_laps_on_several_tracks_are_counted_together(tmp_path: Path) -> None:
+    words = ["demonstrate", "raceline", "--tracks", "oval,oval-report", "--laps", "1"]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "laps.npz")])
+    assert done.exit_code == 0, done.output
+    assert "in 2 laps on oval, oval-report" in done.stderr
+
+
 @pytest.mark.parametrize("option", ["--noise 0.2", "--laps 9", "--tracks oval", "--seed 2"])
 def test_options_of_driving_are_refused_beside_a_recording(option: str, tmp_path: Path) -> None:
     words = ["demonstrate", "--recording", str(tmp_path / "race.mcap"), *option.split()]

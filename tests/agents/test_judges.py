@@ -8,7 +8,12 @@ import pytest
 from stable_baselines3.common.vec_env import VecNormalize
 
 from race_agents.training.budget import Budget
-from race_agents.training.checkpoint import companions_in, load_checkpoint, save_checkpoint
+from race_agents.training.checkpoint import (
+    begin_with,
+    companions_in,
+    load_checkpoint,
+    save_checkpoint,
+)
 from race_agents.training.curiosity import Curious
 from race_agents.training.demonstrations import write_demonstrations
 from race_agents.training.demonstrator import demonstrate
@@ -104,6 +109,30 @@ def test_a_discriminator_tells_an_expert_from_others(laps: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("action", "has_items", "judged"),
+    [
+        ("continuous", "false", [0.0, 0.0, 0.0]),
+        ("continuous", "true", [0.0, 0.0, 1.0]),
+        ("control", "false", [0.0, 0.0, 0.0]),
+        ("control", "true", [0.0, 0.0, 1.0]),
+    ],
+)
+def test_a_judge_sees_whether_a_button_is_pressed_and_not_its_number(
+    laps: Path, action: str, has_items: str, judged: list[float]
+) -> None:
+    wanted = (f"gail.demonstrations={laps}", f"action={action}", f"race.rules.items={has_items}")
+    judge = Discriminator(settings(*wanted))
+    # As the world reads them: an item above a half, or the whole part of the sum of buttons.
+    last = [0.0, 0.4, 0.6] if action == "continuous" else [0.0, 0.9, 1.9]
+    shown = judge._actions[:3].copy()
+    shown[:, -1] = judged
+    own = shown.copy()
+    own[:, -1] = last
+    seen = judge._seen[:3]
+    assert np.array_equal(judge.worth(seen, own, seen), judge.worth(seen, shown, seen))
+
+
 @pytest.mark.slow
 def test_a_policy_comes_nearer_to_an_expert_without_the_race_s_reward(laps: Path) -> None:
     judged = (f"gail.demonstrations={laps}", "gail.learning_rate=1e-3", "steps=50000")
@@ -152,6 +181,24 @@ def test_a_judge_that_a_checkpoint_does_not_know_begins_anew(tmp_path: Path) -> 
     save_checkpoint(path, learner_of(plain, world, budget, None), world, budget, score=3.0)
     wider = world_of(curious, budget)
     assert load_checkpoint(path, learner_of(curious, wider, budget, None), wider, budget) == 3.0
+
+
+def test_a_run_that_begins_with_the_networks_of_another_keeps_its_own_judges(
+    laps: Path, tmp_path: Path
+) -> None:
+    words = (f"gail.demonstrations={laps}", "curiosity.bonus=0.1")
+    path, old = tmp_path / "it.pt", settings(*words)
+    budget, world, learner = untrained(old)
+    save_checkpoint(path, learner, world, budget)
+    _, fresh, other = untrained(settings(*words, "seed=2"))
+    judges: Any = companions_in(fresh)
+    networks = (judges["gail"]._network, judges["curiosity"]._networks)
+    before = [weights.clone() for network in networks for weights in network.parameters()]
+    begin_with(path, other, fresh)
+    after = [weights for network in networks for weights in network.parameters()]
+    assert all(one.equal(kept) for one, kept in zip(after, before, strict=True))
+    for one in (world, fresh):
+        one.close()
 
 
 def test_judges_are_the_same_again_with_the_same_seed() -> None:

@@ -1,10 +1,14 @@
 """`race bench plan`: what it counts, gives up and refuses."""
 
+from pathlib import Path as FilePath
+
 import pytest
+from typer.testing import CliRunner
 
 from race_agents.planning.parking_tasks import ParkingTask
 from race_agents.planning.path import Path
 from race_agents.planning.plan_bench import CarYard, bench_plan
+from race_server.cli.main import app
 from race_server.core.kernels.geometry import Pose
 from race_server.core.vehicle_presets import CAR
 from race_server.errors import PlanError, ScenarioError
@@ -38,3 +42,17 @@ def test_a_task_of_which_none_of_50_starts_is_solved_is_given_up(
 def test_a_task_that_does_not_exist_is_refused_with_the_names_of_those_that_do() -> None:
     with pytest.raises(ScenarioError, match=r"is in the name of no task; .*L \+ 0.6"):
         bench_plan(CAR, runs=1, seed=0, text="canal")
+
+
+def test_where_nothing_was_solved_no_picture_is_drawn(
+    tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> Path:
+        raise PlanError("no way")
+
+    monkeypatch.setattr(CarYard, "plan", refuse)
+    words = ["bench", "plan", "--runs", "1", "--task", "1.35 L", "--plot"]
+    done = CliRunner().invoke(app, [*words, str(tmp_path / "plan.png")])
+    assert done.exit_code == 0, done.output
+    assert "nothing was solved" in done.stderr
+    assert not list(tmp_path.iterdir())

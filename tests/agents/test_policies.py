@@ -55,6 +55,12 @@ def test_observations_are_those_of_driving_on_unseen_tracks(lapping: Path) -> No
     assert 0.0 < times.median <= times.p99
 
 
+def test_a_person_reads_from_which_set_of_tracks_the_observations_are(lapping: Path) -> None:
+    done = CliRunner().invoke(app, ["policy", "check", str(lapping), "--observations", "16"])
+    assert done.exit_code == 0, done.output
+    assert "16 of the tracks of the set unseen" in done.output
+
+
 def test_a_run_is_compared_with_its_learner(outcome: TrainingResult) -> None:
     found = checked(str(outcome.folder))
     difference = found["difference"]

@@ -6,7 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from race_agents.pupils.coaching_exam import Attempted, School, cue_ends, summary_of
+from race_agents.pupils.coaching_exam import (
+    Attempted,
+    CoachingExamSpec,
+    School,
+    cue_ends,
+    document_of,
+    summary_of,
+)
 from race_agents.pupils.habit import Habit, Road, line_with, road_of, unsteady
 from race_agents.pupils.laps import drive_lap
 from race_server.coaching.corners import Corner, corners_of
@@ -14,6 +21,7 @@ from race_server.coaching.faults import Fault, FaultKind, faults_of
 from race_server.coaching.lap import reference_lap
 from race_server.coaching.losses import lap_loss
 from race_server.core.vehicle_presets import vehicle_named
+from race_server.errors import ScenarioError
 from race_server.scenario.raceline.attach import reference_line
 from race_server.scenario.raceline.bounds import bounds_of
 from race_server.scenario.track.load import load_course
@@ -122,6 +130,22 @@ def test_an_exam_counts_faults_that_cost_something() -> None:
     assert figures["cost_near_share"] == 1.0
     assert (figures["clean_corners"], figures["clean_corners_with_a_fault"]) == (5, 0)
     assert (figures["weak_corners_with_a_word"], figures["weak_corners_called_unknown"]) == (2, 1)
+
+
+def test_clean_corners_are_those_of_the_course_and_pupils_those_that_came_round() -> None:
+    # No habit was driven in the other four corners, and the pupils 2 and 3 did not come round.
+    laps = [tried("clean", 0, ""), tried("coasting", 100_000, "coasting")]
+    document = document_of(CoachingExamSpec(TRACK, KART, range(1, 4)), laps, corners=5)
+    assert document["clean_corners"] == 5
+    assert (document["seeds"], document["failed_seeds"]) == (1, [2, 3])
+
+
+def test_a_line_that_is_not_driven_round_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_agents.pupils.coaching_exam.drive_lap", lambda *_, **__: None)
+    with pytest.raises(ScenarioError, match=r"'hangar-400' .* raceline does not come round"):
+        School(TRACK, KART)
 
 
 def test_a_pupil_hears_one_cue_at_a_time() -> None:

@@ -23,6 +23,7 @@ from race_server.net.transport import ServerLink
 from race_server.scenario.race import Scenario
 from race_server.scenario.raceline.attach import with_line
 from race_server.scenario.track.load import load_course
+from race_server.session.interventions import Intervention, InterventionKind
 from race_server.session.journal_entries import Inputs
 from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
@@ -93,6 +94,31 @@ def test_nothing_is_shown_while_the_lights_are_on_or_after_the_finish(tmp_path: 
     assert drive.laps == 1
     last = read_recording(path).last_tick
     assert len(shown.observations) <= (last - 30) // 3 + 1
+
+
+def test_what_the_parking_driver_of_the_server_drove_is_left_out(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, _ = recorded.demonstrations_in(recording, 0)
+    led = read_recording(recording)
+    # From tick 30 to tick 60 are ten decisions.
+    for tick, has_wheel in ((30, 1.0), (60, 0.0)):
+        place = next(n for n, entry in enumerate(led.entries) if entry.tick > tick)
+        led.entries.insert(place, Intervention(tick, InterventionKind.WHEEL, 0, has_wheel))
+    monkeypatch.setattr(recorded, "read_recording", lambda _: led)
+    rest, _ = recorded.demonstrations_in(recording, 0)
+    assert np.array_equal(rest.controls, np.delete(own.controls, np.s_[10:20], axis=0))
+    assert np.array_equal(rest.observations, np.delete(own.observations, np.s_[10:20], axis=0))
+
+
+def test_a_seat_that_only_the_parking_driver_of_the_server_drove_shows_nothing(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    led = read_recording(recording)
+    led.entries.insert(0, Intervention(0, InterventionKind.WHEEL, 0, 1.0))
+    monkeypatch.setattr(recorded, "read_recording", lambda _: led)
+    with pytest.raises(RecordingError, match="only while the server's parking driver drove it"):
+        recorded.demonstrations_in(recording, 0)
 
 
 def _place(part: str, shown: Demonstrations) -> int:

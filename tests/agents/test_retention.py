@@ -1,12 +1,23 @@
 """Pupils that learn and forget, and what is counted of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from race_agents.pupils.learner import Nature, Skill, after, made, nature_of
-from race_agents.pupils.retention import ALWAYS, FADING, NEVER, Schooling, interval_of, summary_of
+from race_agents.pupils.retention import (
+    ALWAYS,
+    FADING,
+    NEVER,
+    RetentionSpec,
+    Schooling,
+    interval_of,
+    school_all,
+    summary_of,
+)
+from race_server.errors import ScenarioError
 
 # Does nine tenths of what it is told, learns half of what it feels, remembers, and never relapses.
 APT = Nature(obeys=0.9, learns=0.5, remembers=1.0, relapses=0.0)
@@ -82,3 +93,20 @@ def test_an_interval_of_the_mean_is_about_two_standard_errors_to_each_side() -> 
     low, high = interval_of(values)
     assert low == pytest.approx(values.mean() - 0.098, abs=0.02)
     assert high == pytest.approx(values.mean() + 0.098, abs=0.02)
+
+
+def test_a_course_with_fewer_corners_than_a_pupil_has_habits_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    oval = SimpleNamespace(corners=("T1", "T2"))
+    monkeypatch.setattr("race_agents.pupils.retention.School", lambda *_: oval)
+    with pytest.raises(ScenarioError, match=r"track 'oval' has 2 corners for 'tt02', .* in 3"):
+        next(school_all(RetentionSpec("oval", "tt02", range(1))))
+
+
+def test_a_pupil_that_does_not_come_round_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("race_agents.pupils.retention.drive_lap", lambda *_: None)
+    with pytest.raises(ScenarioError, match="pupil 7 does not come round on 'hangar-400'"):
+        next(school_all(RetentionSpec("hangar-400", "kart-60", range(7, 8))))

@@ -107,6 +107,12 @@ def test_laps_of_the_warm_up_do_not_count() -> None:
     assert runs[0].laps_driven == 7  # two of which are the warm-up
 
 
+def test_courses_draw_different_gaps_and_drivers_on_one_course_the_same() -> None:
+    spec = LapExamSpec(("oval", "s-curve"), gaps=tuple(gaps_named(["all"])))
+    runs = spec.runs_of(["raceline", "idm"])
+    assert [(run.track, run.seed) for run in runs] == [("oval", 1), ("s-curve", 2)] * 2
+
+
 def test_a_folder_without_courses_is_refused_by_its_name(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match=f"{tmp_path}: no course file"):
         courses_in(tmp_path)
@@ -145,6 +151,25 @@ def test_what_an_earlier_solver_of_lines_led_to_is_not_taken_for_todays(
     assert kept_outcomes.place_of("lap-exams", "oval") == today
     monkeypatch.setattr(kept_outcomes, "solver_digest", lambda: "an earlier one")
     assert kept_outcomes.place_of("lap-exams", "oval") != today
+
+
+def test_what_earlier_code_of_a_session_led_to_is_not_taken_for_todays(tmp_path: Path) -> None:
+    session = tmp_path / "session" / "laps.py"
+    session.parent.mkdir()
+    session.write_text("LAPS = 1")
+    for name in ("live/local_drivers.py", "net/wire/drive.py"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+    digest = kept_outcomes.deciding_digest.__wrapped__
+    before = digest(tmp_path)
+    assert digest(tmp_path) == before
+    session.write_text("LAPS = 2")
+    assert digest(tmp_path) != before
+
+
+@pytest.mark.parametrize("name", kept_outcomes.DECIDING)
+def test_what_decides_an_outcome_is_a_folder_or_a_file_of_the_package(name: str) -> None:
+    assert (kept_outcomes.PACKAGE / name).exists()
 
 
 def test_a_course_is_driven_again_once_its_limit_can_be_solved(
@@ -216,6 +241,18 @@ def test_a_picture_shows_drivers_below_each_other(tmp_path: Path) -> None:
     tries = [one_try("a", 2, 1.02), one_try("b", 1, 1.06)]
     draw_laps([LapRow.of(tries)], tries, tmp_path / "laps.svg")
     assert "raceline" in (tmp_path / "laps.svg").read_text()
+
+
+def test_of_an_even_number_of_laps_a_picture_shows_the_middle_of_the_two_in_the_middle() -> None:
+    drawn: list[float] = []
+
+    class Panel:
+        def plot(self, ratio: float, *_: Any, **__: Any) -> None:
+            drawn.append(ratio)
+
+    two = replace(one_try("a", 2, 1.0), times_s=(10.0, 12.0))
+    lap_picture._draw_times(Panel(), 0, [two])
+    assert drawn == [pytest.approx(1.1)]
 
 
 def test_a_driver_that_is_named_twice_is_examined_once(driven: list[RunSpec]) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 
 from race_agents.commands.exam import app
 from race_agents.commands.exam_gap import gap_of
-from race_server.competition.parking_exam import FAULT, ExamSpec, drive_exam
+from race_server.competition.parking_exam import FAULT, ExamSpec, Try, drive_exam
 from race_server.core.driver import Briefing
 from race_server.core.messages import Control
 from race_server.core.observation import Observation
@@ -17,6 +18,8 @@ from race_server.core.parking_order import ParkingOrder
 from race_server.envs.reality_gap import RealityGap
 from race_server.errors import DriverError, LotError, ScenarioError
 from support.lots import ONE_BAY
+
+NAMES = ("hasty", "patient")
 
 
 class Ahead:
@@ -174,7 +177,9 @@ def test_the_document_has_the_keys_that_were_promised_and_the_picture_is_drawn(
     twice = ["--drivers", "valet,valet"]  # is one driver
     done = CliRunner().invoke(app, [*words, *twice, "--plot", str(picture)])
     assert done.exit_code == 0, done.output
-    (row,) = json.loads(done.stdout)["rows"]
+    document = json.loads(done.stdout)
+    assert not document["stopped"]
+    (row,) = document["rows"]
     promised = (
         "driver scenario success_rate aligned_rate collisions hit_people time_s_median "
         "path_m_median direction_changes_mean"
@@ -183,6 +188,28 @@ def test_the_document_has_the_keys_that_were_promised_and_the_picture_is_drawn(
     assert (row["driver"], row["success_rate"], row["failed_seeds"]) == ("valet", 1.0, {})
     assert row["path_ratio_median"] == pytest.approx(0.9, abs=0.2)
     assert picture.stat().st_size > 1000
+
+
+def test_an_exam_that_is_stopped_tells_the_rows_that_were_finished(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drive = drive_exam
+
+    def drive_the_first(spec: ExamSpec, name: str) -> Iterator[Try]:
+        if name == "patient":
+            raise KeyboardInterrupt
+        yield from drive(spec, name, lambda _: Ahead())
+
+    exam = "race_server.competition.parking_exam."
+    monkeypatch.setattr(f"{exam}drive_exam", drive_the_first)
+    monkeypatch.setattr(f"{exam}check_exam", lambda *_: None)
+    monkeypatch.setattr("race_agents.commands.exam_parking.known_drivers", lambda _: NAMES)
+    words = ["parking", "--scenario", "face-to-face", "--seeds", "1", "--json"]
+    stopped = CliRunner().invoke(app, words)
+    assert stopped.exit_code == 130
+    document = json.loads(stopped.stdout)
+    assert [row["driver"] for row in document["rows"]] == ["hasty"]
+    assert document["stopped"]
 
 
 def test_a_person_reads_a_table_and_the_seeds_of_failures() -> None:

@@ -56,6 +56,22 @@ def test_a_lot_given_by_its_path_is_recorded_under_its_own_name(
     assert recorded.path.name.startswith("a-yard-of-long-words--with-a-c-7-")
 
 
+def test_a_driver_that_raises_where_it_is_handed_a_slot_leaves_that_task_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Lost(Brake):
+        def park(self, order: ParkingOrder) -> None:
+            raise ValueError("no idea")
+
+    spec, told = ExamSpec("zone-30", [SEED, SEED + 1], limit_s=1.0), list[str]()
+    tries = list(drive_exam(spec, "brake", lambda _: Brake()))
+    drivers = iter([Lost(), Brake()])
+    monkeypatch.setattr("race_server.live.local_drivers.driver_named", lambda _: next(drivers))
+    (recorded,) = record_tasks(spec, "brake", tries, tmp_path, told.append)
+    assert recorded.seed == SEED + 1
+    assert told == [f"seed {SEED} is not recorded: driver 'brake' raised ValueError: no idea"]
+
+
 def failing(folder: Path, *more: str) -> Result:
     """Hold an exam whose one task fails, and record that into a folder."""
     words = ["parking", "--lot", "yard-70", "--seeds", "1", "--limit-s", "1"]

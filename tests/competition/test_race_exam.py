@@ -71,6 +71,14 @@ def test_a_driver_that_won_two_of_three_races_and_retired_once() -> None:
     assert not rows["raceline"].retired
 
 
+def test_two_karts_of_one_driver_that_retire_in_one_race_are_both_told() -> None:
+    lost = (kart("idm", 2, has_finished=False), kart("idm", 3, has_finished=False))
+    (row, _) = sorted(
+        race_rows([RaceOutcome(SHORT, (kart("raceline", 1), *lost))]), key=lambda row: row.driver
+    )
+    assert row.retired == {"oval seed 7": "stood still / stood still"}
+
+
 def test_a_row_counts_the_courses_on_which_its_driver_is_ahead_of_the_next() -> None:
     def race(course: str, first: str, second: str) -> RaceOutcome:
         return RaceOutcome(replace(SHORT, course=course), (kart(first, 1), kart(second, 2)))
@@ -97,6 +105,7 @@ def test_a_kart_that_is_late_by_more_than_the_limit_has_not_finished() -> None:
     rows = {kart.driver: kart for kart in drive_race(late, lambda _: None).karts}
     assert sum(kart.has_finished for kart in rows.values()) == 1
     assert "no-such-driver" in rows["no-such-driver"].remark
+    assert [name for name, kart in rows.items() if kart.failed] == ["no-such-driver"]
 
 
 def test_a_race_that_was_driven_is_not_driven_twice(
@@ -119,6 +128,24 @@ def test_a_race_that_was_driven_is_not_driven_twice(
     assert len(driven) == 2
 
 
+def test_a_race_with_a_kart_that_was_out_by_the_clock_is_driven_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven: list[RaceTask] = []
+    late = replace(kart("raceline", 2, has_finished=False), failed=True)
+
+    def drive(task: RaceTask, _: Any) -> RaceOutcome:
+        driven.append(task)
+        return RaceOutcome(task, (kart("idm", 1), late))
+
+    monkeypatch.setattr(kept_outcomes, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(race_exam, "run_all", in_this_process)
+    monkeypatch.setattr(race_exam, "drive_race", drive)
+    monkeypatch.setattr(race_exam, "rehearse", lambda *_: None)
+    assert list(hold_races([SHORT])) == list(hold_races([SHORT]))
+    assert len(driven) == 2
+
+
 def test_a_race_whose_process_died_says_so_and_counts_for_no_driver() -> None:
     outcome = lost_race(SHORT, "", "its process died (exit status 3)")
     assert outcome.failure == "its process died (exit status 3)"
@@ -127,7 +154,11 @@ def test_a_race_whose_process_died_says_so_and_counts_for_no_driver() -> None:
 
 @pytest.mark.parametrize(
     ("drivers", "message"),
-    [(("idm",), "a race needs two drivers or more"), (("idm",) * 99, "99 drivers are named")],
+    [
+        (("idm",), "drivers idm: a race needs two different ones or more"),
+        (("idm", "idm"), "drivers idm, idm: a race needs two different ones or more"),
+        (TWO * 50, "100 drivers are named"),
+    ],
 )
 def test_a_field_that_cannot_race_is_refused(drivers: tuple[str, ...], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):

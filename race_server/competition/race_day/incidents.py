@@ -32,6 +32,11 @@ class Incidents:
         self._faults: dict[int, list[str]] = {}  # since the last lap
         self._deleted: dict[int, list[tuple[int, str]]] = {}
 
+    @property
+    def failed(self) -> set[int]:
+        """The seats whose drivers were not ready, raised, or took too long."""
+        return set(self._failed)
+
     def record_failure(self, seat: int, failure: str) -> None:
         """Record how a driver failed, on one short line."""
         line = " ".join(failure.split())

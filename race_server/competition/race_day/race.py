@@ -37,6 +37,8 @@ class LocalRace:
         """Prepare the world; `keeper` writes results into the results file."""
         self._session = Session(name, scenario)
         self._keeper = keeper
+        # Teams of the last race whose drivers were not ready, raised, or took too long.
+        self.failed: frozenset[str] = frozenset()
 
     def run(
         self, teams: Sequence[Team], seed: int, watch: Callable[[Sequence[Event]], None] = _ignore
@@ -62,6 +64,7 @@ class LocalRace:
         finally:
             self._close_book()
         names = {seat: team.name for seat, team in enumerate(teams)}
+        self.failed = frozenset(names[seat] for seat in incidents.failed)
         record = record_of(session, names, incidents)
         session.reopen()
         for taken in [seat for seat in session.seats if seat.is_taken]:
