@@ -97,7 +97,6 @@ function row(seat: number): StandingFrame {
     gapUs: 0,
     penalties: 0,
     penaltyUs: 0,
-    itemsUsed: 0,
     lapTimesUs: [],
     parking: { ending: Ending.WALL, slot: 0, way: 1, reversed: 0, moves: 0 },
     planned: null,

@@ -20,7 +20,6 @@ function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingF
     gapUs: 0,
     penalties: 0,
     penaltyUs: 0,
-    itemsUsed: 0,
     lapTimesUs: [],
     parking: null,
     planned: null,

@@ -66,13 +66,15 @@ export function ownParking(race: Race, seat: number): OwnParking | null {
   const { ahead } = race.body;
   const tick = race.buffer.newest?.tick ?? race.standings.tick;
   const isOpen = kart?.status === Status.RACING && row.parking.ending === Ending.OPEN;
-  const since = Math.max(tick - race.standings.startTick, 0) / 60;
+  // Of a way that ended unseen it is not known when.
+  const until = isOpen ? tick : (race.drivenUntil.get(seat) ?? NaN);
+  const since = Math.max(until - race.standings.startTick, 0) / 60;
   return {
     seat,
     driver: row.driver,
     ending: row.parking.ending,
     slot: row.parking.slot,
-    seconds: row.raceTimeUs ? row.raceTimeUs / 1e6 : isOpen ? since : secondsDriven(race, seat),
+    seconds: row.raceTimeUs ? row.raceTimeUs / 1e6 : since,
     way: row.parking.way,
     reversed: row.parking.reversed,
     moves: row.parking.moves,
@@ -91,12 +93,6 @@ export function ownParking(race: Race, seat: number): OwnParking | null {
     speed: kart?.speed ?? 0,
     hitches: hitchesOf(race, seat),
   };
-}
-
-/** Returns when the way of a seat ended [s], NaN where that was not seen. */
-function secondsDriven(race: Race, seat: number): number {
-  const tick = race.drivenUntil.get(seat);
-  return tick === undefined || !race.standings ? NaN : (tick - race.standings.startTick) / 60;
 }
 
 /** Returns what the dials of the hitches of a vehicle show; none without a trailer. */

@@ -113,7 +113,6 @@ function readHazard(table: Snapshot, row: number): HazardFrame {
     y: hazard.y(),
     radius: hazard.radius(),
     item: hazard.item(),
-    owner: hazard.owner(),
   };
 }
 
@@ -167,7 +166,6 @@ function readStanding(table: Standings, index: number): StandingFrame {
     gapUs: Number(row.gapUs()),
     penalties: row.penalties(),
     penaltyUs: Number(row.penaltyUs()),
-    itemsUsed: row.itemsUsed(),
     lapTimesUs: rowsOf(row.lapTimesUsLength(), (lap) => Number(row.lapTimesUs(lap))),
     parking: parking && {
       ending: parking.ending(),
@@ -227,7 +225,6 @@ function readRays(buffer: ByteBuffer): Frame {
     lidarAhead: table.lidarAhead(),
     radarAhead: table.radarAhead(),
     lidarField: table.lidarField(),
-    lidarReach: table.lidarReach(),
     lidar: table.lidarArray() ?? NOTHING,
     radarAngles: table.radarAnglesArray() ?? NOTHING,
     radar: table.radarArray() ?? NOTHING,
@@ -284,14 +281,8 @@ function readHud(buffer: ByteBuffer): Frame {
   const table = Hud.getRootAsHud(buffer);
   return {
     kind: 'hud',
-    tick: table.tick(),
-    speedCap: table.speedCap(),
-    thrustScale: table.thrustScale(),
-    gripScale: table.gripScale(),
-    item: table.item(),
     immune: table.immune(),
     effects: rowsOf(table.effectsLength(), (row) => readEffect(table, row)),
-    lights: table.lights(),
     flag: table.flag(),
     isLed: table.led(),
   };

@@ -41,7 +41,6 @@ export interface HazardFrame {
   y: number;
   radius: number;
   item: number;
-  owner: number;
 }
 
 /** A person on the ground. */
@@ -108,7 +107,6 @@ export interface StandingFrame {
   gapUs: number;
   penalties: number;
   penaltyUs: number;
-  itemsUsed: number;
   lapTimesUs: number[];
   parking: ParkingFrame | null; // only in a car park
   planned: PlannedFrame | null; // where a driver from outside of the server has parked
@@ -234,7 +232,6 @@ export interface RaysFrame {
   lidarAhead: number; // [m] of the centre of gravity
   radarAhead: number; // [m]
   lidarField: number; // [rad] between the outermost rays
-  lidarReach: number; // [m]
   lidar: ArrayLike<number>; // ranges, right to left, 0 without a return
   radarAngles: ArrayLike<number>;
   radar: ArrayLike<number>;
@@ -307,14 +304,8 @@ export interface EffectFrame {
 
 export interface HudFrame {
   kind: 'hud';
-  tick: number;
-  speedCap: number;
-  thrustScale: number;
-  gripScale: number;
-  item: number;
   immune: number; // [s]
   effects: EffectFrame[];
-  lights: number;
   flag: Flag; // shown to this kart
   isLed: boolean; // the parking driver of the server has the wheel
 }
