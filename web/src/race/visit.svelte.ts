@@ -40,7 +40,6 @@ export class Visit {
   private readonly link: Link;
   // What the welcome is for, null until that is known.
   private wasLobby: boolean | null = null;
-  private wasLed = false; // the server had the wheel
   private call: string | null = null; // the newest of an event
 
   constructor(readonly hello: Hello) {
@@ -98,16 +97,12 @@ export class Visit {
   }
 
   private take(frame: Frame, arrivedMs: number): void {
+    // A steward may have a vehicle parked, and the wheel comes back from a parking driver that fails.
+    const wasLed = this.race.hud?.isLed ?? false;
+    if (frame.kind === 'hud' && frame.isLed !== wasLed) this.isParking = frame.isLed;
     this.race.take(frame, arrivedMs);
     if (frame.kind === 'standings') this.noteLobby(frame.phase === Phase.LOBBY);
-    if (frame.kind === 'hud') this.noteWheel(frame.isLed);
     if (frame.kind === 'programme') this.noteCall(callOf(frame));
-  }
-
-  /** A steward may have a vehicle parked, and the wheel comes back from a parking driver that fails. */
-  private noteWheel(isLed: boolean): void {
-    if (isLed !== this.wasLed) this.isParking = isLed;
-    this.wasLed = isLed;
   }
 
   /** Readiness for one race does not count for the next. */
