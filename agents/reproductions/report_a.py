@@ -65,8 +65,8 @@ KARTS = (
 
 # Strengths that the report does not tell are those of the example Pyramids of its library
 # (https://github.com/Unity-Technologies/ml-agents, config/imitation/Pyramids.yaml), which has the
-# cloning that the report prints as well.
-CURIOSITY = ("curiosity.bonus=0.02",)
+# cloning that the report prints as well. A surprise counts as it is, cut at 1, as there.
+CURIOSITY = ("curiosity.bonus=0.02", "curiosity.most=1.0")
 GAIL = ("gail.scale=0.01", "gail.own_share=1.0")
 CLONING = ("cloning.strength=0.5", "cloning.steps=150000")
 

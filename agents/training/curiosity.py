@@ -36,13 +36,15 @@ class Curious:
         self._chance = np.random.default_rng(seed)
 
     def worth(self, seen: Rows, actions: Rows, after: Rows) -> Rows:
-        """Return a reward for each transition, shape (n,): the error over its running mean."""
+        """Return a reward for each transition, shape (n,): the error, or over its running mean."""
         with torch.no_grad():
             error = self._surprise(self._scale(seen), torch.from_numpy(actions), self._scale(after))
-        surprise = error.numpy()
+        surprise, bonus, most = error.numpy(), self._wanted.bonus, self._wanted.most
+        if most is not None:
+            return np.asarray(np.minimum(bonus * surprise, most), np.float32)
         self._usual.update(surprise)
         usual = float(self._usual.mean) + 1e-8
-        return np.asarray(self._wanted.bonus * np.minimum(surprise / usual, 5.0), np.float32)
+        return np.asarray(bonus * np.minimum(surprise / usual, 5.0), np.float32)
 
     def learn(self, seen: Rows, actions: Rows, after: Rows) -> None:
         """Train the models on transitions of several decisions."""

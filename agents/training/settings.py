@@ -209,6 +209,9 @@ class Curiosity(Table):
     """Reward for what could not be foreseen; without bonus there is none."""
 
     bonus: float = Field(default=0.0, ge=0.0)  # for a usual surprise
+    # Greatest reward of a decision, where a surprise counts as it is; none: it counts beside the
+    # mean of all so far, so that the reward falls more slowly than the surprise.
+    most: float | None = Field(default=None, gt=0.0)
     features: int = Field(default=16, ge=1)
     hidden: int = Field(default=64, ge=1)
     forward_share: float = Field(default=0.2, ge=0.0, le=1.0)  # of the loss; the inverse's the rest

@@ -85,6 +85,26 @@ def test_what_is_known_is_worth_less_than_what_is_new() -> None:
 
 
 @pytest.mark.slow
+def test_what_becomes_known_is_worth_nothing_where_a_surprise_counts_as_it_is() -> None:
+    chance = np.random.default_rng(0)
+    worth = {}
+    for most in (None, 1.0):
+        wanted = Curiosity(bonus=0.5, learning_rate=1e-2, most=most)
+        judge = Curious(wanted, 2, 1, seed=0)
+        means = []
+        for _ in range(100):
+            seen = chance.normal(0.0, 0.5, (256, 2)).astype(np.float32)
+            actions = chance.uniform(-1.0, 1.0, (256, 1)).astype(np.float32)
+            means.append(judge.worth(seen, actions, seen + actions))
+            judge.learn(seen, actions, seen + actions)
+        worth[most] = means
+    assert np.max(worth[1.0]) <= 1.0
+    assert np.mean(worth[1.0][-10:]) < 0.01
+    # Beside the mean of all surprises so far it falls more slowly: those of the start count on.
+    assert np.mean(worth[None][-10:]) > 2.0 * np.mean(worth[1.0][-10:])
+
+
+@pytest.mark.slow
 def test_curiosity_drives_further_where_only_a_lap_is_rewarded() -> None:
     # One training may be lucky or not, differently on each processor: three of each are compared.
     def speed(*changes: str) -> float:

@@ -75,7 +75,7 @@ REPRODUCTION = Reproduction(
         "plans its ways on the map, demonstrates as many decisions; each run makes them itself, "
         "outside of the processor times that are told.",
         "Strengths of curiosity and GAIL are not told: 0.02 and 0.01 as in the library's example "
-        "Pyramids, which has the cloning of the report. Ours divides a surprise by its running "
-        "mean.",
+        "Pyramids, which has the cloning of the report. Its network of curiosity has 256 "
+        "features, ours 16.",
     ),
 )
