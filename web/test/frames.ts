@@ -1,6 +1,12 @@
 // Plain karts and snapshots for tests.
 
-import type { CourseFrame, EventFrame, KartFrame, SnapshotFrame } from '../src/wire/frames';
+import type {
+  CourseFrame,
+  EventFrame,
+  KartFrame,
+  SnapshotFrame,
+  StandingFrame,
+} from '../src/wire/frames';
 
 export function kart(changes: Partial<KartFrame> = {}): KartFrame {
   return {
@@ -39,6 +45,27 @@ export function snapshot(changes: Partial<SnapshotFrame> = {}): SnapshotFrame {
     hazards: [],
     walkers: [],
     trailers: [],
+    ...changes,
+  };
+}
+
+export function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingFrame {
+  return {
+    driver: `driver ${seat}`,
+    seat,
+    rank: seat + 1,
+    laps: 0,
+    status: 1,
+    lastLapUs: 0,
+    bestLapUs: 0,
+    raceTimeUs: 0,
+    gapUs: 0,
+    penalties: 0,
+    penaltyUs: 0,
+    lapTimesUs: [],
+    parking: null,
+    planned: null,
+    timing: null,
     ...changes,
   };
 }

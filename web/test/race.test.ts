@@ -5,8 +5,8 @@ import { Race } from '../src/race/race.svelte';
 import { clockText } from '../src/i18n/figures';
 import { ownParking } from '../src/race/ownparking';
 import { Ending, Phase, Status } from '../src/wire/tables';
-import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
-import { event, kart, roundCourse, snapshot } from './frames';
+import type { StandingsFrame } from '../src/wire/frames';
+import { event, kart, roundCourse, snapshot, standing } from './frames';
 
 function table(changes: Partial<StandingsFrame> = {}): StandingsFrame {
   return {
@@ -84,30 +84,12 @@ test('the clock of another server replaces the one before at once', () => {
   expect(clock.serverMs(5)).toBe(90_000);
 });
 
-function row(seat: number): StandingFrame {
-  return {
-    driver: `driver ${seat}`,
-    seat,
-    rank: 1,
-    laps: 0,
-    status: Status.RETIRED,
-    lastLapUs: 0,
-    bestLapUs: 0,
-    raceTimeUs: 0,
-    gapUs: 0,
-    penalties: 0,
-    penaltyUs: 0,
-    lapTimesUs: [],
-    parking: { ending: Ending.WALL, slot: 0, way: 1, reversed: 0, moves: 0 },
-    planned: null,
-    timing: null,
-  };
-}
-
 test('the time of a way that ended unseen is not known, and of any other is when it ended', () => {
   const race = new Race();
   race.take({ ...roundCourse(), line: new Float64Array() }, 0);
-  race.take(table({ rows: [row(0), row(1)], startTick: 60 }), 0);
+  const parking = { ending: Ending.WALL, slot: 0, way: 1, reversed: 0, moves: 0 };
+  const rows = [0, 1].map((seat) => standing(seat, { status: Status.RETIRED, parking }));
+  race.take(table({ rows, startTick: 60 }), 0);
   race.take(snapshot({ tick: 660, karts: [kart({ status: Status.RACING })] }), 10);
   const done = [0, 1].map((seat) => kart({ seat, status: Status.RETIRED }));
   race.take(snapshot({ tick: 5000, karts: done }), 20);

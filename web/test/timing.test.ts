@@ -5,28 +5,7 @@ import { Response } from '../src/race/response';
 import { tableOf } from '../src/race/table';
 import type { StandingFrame, StandingsFrame } from '../src/wire/frames';
 import { Phase } from '../src/wire/tables';
-import { kart, snapshot } from './frames';
-
-function standing(seat: number, changes: Partial<StandingFrame> = {}): StandingFrame {
-  return {
-    driver: `driver ${seat}`,
-    seat,
-    rank: seat + 1,
-    laps: 0,
-    status: 1,
-    lastLapUs: 0,
-    bestLapUs: 0,
-    raceTimeUs: 0,
-    gapUs: 0,
-    penalties: 0,
-    penaltyUs: 0,
-    lapTimesUs: [],
-    parking: null,
-    planned: null,
-    timing: null,
-    ...changes,
-  };
-}
+import { kart, snapshot, standing } from './frames';
 
 function standings(rows: StandingFrame[]): StandingsFrame {
   const race = { epoch: 1, tick: 0, startTick: 0, phase: 2, flag: 0, laps: 3, course: 'oval' };
