@@ -83,7 +83,7 @@ class Parker:
 
     def has_order(self, epoch: int) -> bool:
         """Return whether the kart is to park in the race of this number."""
-        return self._stands or self._known[0] >= epoch
+        return self._stands or 0 <= epoch <= self._known[0]
 
     def act(self, kart: KartState, now_s: float) -> Control | None:
         """Return the driver's newest answer, None where it is thinking, or nothing is due.

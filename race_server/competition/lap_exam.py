@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path
 from statistics import median
 from types import MappingProxyType
+from zlib import crc32
 
 import numpy as np
 
@@ -84,8 +85,8 @@ class LapExamSpec:
     def runs_of(self, drivers: Sequence[str]) -> list[RunSpec]:
         """Return a run for each driver with each gap on each course.
 
-        The number of a course in the list is its seed: what a gap draws differs between courses,
-        and is the same for all drivers.
+        The seed follows from the name of the course: what a gap and noise draw differs between
+        courses, and is the same for all drivers and in every list.
         """
         like = RunSpec(
             *("", "", self.vehicle),
@@ -95,11 +96,14 @@ class LapExamSpec:
             traffic=self.traffic,
         )
         return [
-            replace(like, driver=driver, gap=gap, track=course, seed=seed)
-            for driver, gap, (seed, course) in product(
-                drivers, self.gaps, enumerate(self.courses, start=1)
-            )
+            replace(like, driver=driver, gap=gap, track=course, seed=_seed_of(course))
+            for driver, gap, course in product(drivers, self.gaps, self.courses)
         ]
+
+
+def _seed_of(course: str) -> int:
+    """Return a seed that follows from the name of a course, or of its file."""
+    return crc32(Path(course).stem.encode())
 
 
 @dataclass(frozen=True)

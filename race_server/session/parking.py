@@ -24,6 +24,11 @@ def has_lot(world: World) -> bool:
     return world.parking.parkers.shape[1] > 0
 
 
+def goes_to_slot(world: World, kart: int) -> bool:
+    """Return whether a vehicle has a slot to go to."""
+    return has_lot(world) and bool(world.parking.parkers[0, kart].length > 0.0)
+
+
 def standing_orders_of(world: World) -> list[ParkingOrder]:
     """Return the order of each vehicle as its round begins; none where there is no car park."""
     return [order_of(world, 0, k) for k in range(world.parking.parkers.shape[1])]
@@ -111,7 +116,7 @@ def send_to(world: World, kart: int, slot: int) -> None:
 
 def figures_of(world: World, kart: int) -> Parking | None:
     """Return how a vehicle fares on its way to its slot; None where it goes to none."""
-    if not has_lot(world) or world.parking.parkers[0, kart].length <= 0.0:
+    if not goes_to_slot(world, kart):
         return None
     parker, body = world.parking.parkers[0, kart], world.bodies[0, kart]
     status, reason = int(body.status), int(world.racers[0, kart].retired_for)

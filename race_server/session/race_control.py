@@ -10,7 +10,7 @@ from race_server.errors import Reason, SeatError
 from race_server.session.event_log import EventLog
 from race_server.session.interventions import Intervention, InterventionKind, carry_out
 from race_server.session.journal_entries import JournalEntries
-from race_server.session.parking import TO_NONE, check_slot, has_lot
+from race_server.session.parking import TO_NONE, check_slot, goes_to_slot
 from race_server.session.seats import Seats
 
 
@@ -96,7 +96,7 @@ class RaceControl:
 
     def cancel_parking(self, number: int) -> None:
         """Let the vehicle of a seat go to no slot any more; do nothing where it goes to none."""
-        if has_lot(self._world) and self._world.parking.parkers[0, number].length > 0.0:
+        if goes_to_slot(self._world, number):
             self.intervene(InterventionKind.PARK, number, float(TO_NONE))
 
     def use_item(self, number: int) -> None:
@@ -131,8 +131,10 @@ class RaceControl:
             self.is_paused = bool(act.value)
         elif act.kind is InterventionKind.PARK:
             self._seats[act.kart].orders += 1
+            self._seats[act.kart].keeps_wheel = False
         elif act.kind is InterventionKind.WHEEL:
             self._seats[act.kart].is_led = bool(act.value)
+            self._seats[act.kart].keeps_wheel = not act.value
 
     @property
     def _tick(self) -> int:

@@ -33,6 +33,7 @@ class Seat:
     away_since: int = -1
     silence: FailsafeStage = FailsafeStage.FRESH  # how the driver's silence acts on the kart
     is_led: bool = False  # the parking driver of the server has the wheel
+    keeps_wheel: bool = False  # it was given back, and no order has come since
     orders: int = 0  # to park, in this race
     planned: PlannedWay | None = None  # of the task that the driver was given, once it is known
     uses_item: bool = False  # a person beside the driver has pressed the item button
@@ -63,7 +64,7 @@ class Seat:
         self.sequence, self.silence = 0, FailsafeStage.FRESH
         # A driver that has gone, and whose kart stands on the grid, is away from the first tick on.
         self.away_since = 0 if self.is_taken and not self.is_present else -1
-        self.is_led, self.orders, self.planned = False, 0, None
+        self.is_led, self.keeps_wheel, self.orders, self.planned = False, False, 0, None
         self.uses_item = False
 
     def receive(self, sequence: int, control: Control, tick: int) -> None:

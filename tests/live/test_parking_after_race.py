@@ -28,6 +28,7 @@ from race_server.net.wire.admin import Decision
 from race_server.scenario.race import Rules, Scenario
 from race_server.scenario.track.load import load_course
 from race_server.scenario.track.lot import Lot
+from race_server.session.parking import goes_to_slot
 from race_server.session.session import Session
 from race_server.storage.recording.logbook import Logbook
 from race_server.storage.recording.reader import read_recording
@@ -181,7 +182,9 @@ def test_a_request_to_park_may_be_taken_back_before_the_finish(
     session, wheels, _ = home_car(monkeypatch, Beeline)
     session.world.bodies[0, 0].status = codes.RACING
     wheels.park(0)
+    assert goes_to_slot(session.world, 0)
     wheels.release(0)
+    assert not goes_to_slot(session.world, 0)  # and no order is sent
     session.world.bodies[0, 0].status = codes.FINISHED
     decide(session, wheels, 5)
     assert not are_driven(session.world)[0]
@@ -196,6 +199,19 @@ def test_a_parking_driver_that_raises_after_the_finish_is_asked_once_and_the_rac
     decide(session, wheels, 5)
     assert len(made) == 1
     assert not are_driven(session.world)[0]
+
+
+def test_a_parked_kart_is_not_led_any_more_and_not_parked_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    session, wheels, _ = home_car(monkeypatch, Faulty)
+    wheels.park(0)
+    session.world.parking.parkers[0, 0].parked_tick = session.tick
+    decide(session, wheels, 5)  # its driver, which would raise, is not asked
+    assert session.seats[0].is_led
+    assert goes_to_slot(session.world, 0)
+    with pytest.raises(SeatError, match="the vehicle of seat 0 does not drive now"):
+        wheels.park(0)
 
 
 class Stubborn(Beeline):

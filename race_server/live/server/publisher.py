@@ -31,7 +31,7 @@ from race_server.net.wire.spectate import (
 )
 from race_server.net.wire.telemetry import TelemetriesFrame, encode_telemetries
 from race_server.net.wire.topics import Topic
-from race_server.session.parking import has_lot
+from race_server.session.parking import goes_to_slot, has_lot
 from race_server.session.seats import Seat
 from race_server.session.session import Session
 
@@ -200,7 +200,7 @@ class Publisher:
     def publish_orders(self) -> None:
         """Send every seat the order to park that it was given in this race."""
         for seat in self._session.seats.taken():
-            if seat.orders and seat.is_present:
+            if seat.orders and seat.is_present and goes_to_slot(self._session.world, seat.number):
                 data = encode_order(order_frame_of(self._session, seat))
                 self._link.publish(topics.ORDER, data, seat.number)
 

@@ -19,7 +19,7 @@ from race_server.core.driver import (
     tell_to_park,
 )
 from race_server.core.observation import Observation
-from race_server.core.state import Floats
+from race_server.core.state import Floats, World
 from race_server.errors import DriverError, Reason, SeatError
 from race_server.live.local_drivers import LocalDrivers, briefing_for, order_for, raised
 from race_server.live.server.counters import Counters
@@ -48,9 +48,6 @@ class Wheels:
         self._session, self._local_drivers, self._valet = session, local_drivers, valet
         self._counters, self._suspects = counters, suspects
         self._valets: dict[int, Driver] = {}  # by seat
-        self._given_back: set[int] = (
-            set()
-        )  # seats that finished, and drive to their slots themselves
         self._observations = Observations(len(session.seats), session.scenario.lidar.rays)
 
     def drive(self, receive: Callable[[int, bytes], None]) -> None:
@@ -63,7 +60,8 @@ class Wheels:
                 self._drive_locally(seat.number, receive)
         if self._valets:
             self._observations.compute(self._session.world)
-            for number in list(self._valets):
+            driven = are_driven(self._session.world)
+            for number in [seat for seat in self._valets if driven[seat]]:
                 self._lead(number)
 
     def _lead_finished(self) -> None:
@@ -77,7 +75,7 @@ class Wheels:
         for number in np.flatnonzero(session.world.bodies["status"][0] == codes.FINISHED).tolist():
             seat = session.seats[number]
             goes = not seat.is_tracked and are_driven(session.world)[number]
-            goes = goes and number not in self._given_back
+            goes = goes and not seat.keeps_wheel
             if goes and number not in self._valets and not self._retake(number):
                 self._counters.refused.record(Reason.DRIVER, number)
                 session.race_control.cancel_parking(number)
@@ -126,8 +124,8 @@ class Wheels:
         session = self._session
         seat = session.seat(number)
         after_race = has_lot(session.world) and races_first(session.world)
-        is_home = session.is_on and session.world.bodies["status"][0, number] == codes.FINISHED
-        if not (session.is_racing(number) or (after_race and is_home)):
+        is_home = after_race and session.is_on and _is_home(session.world, number)
+        if not (session.is_racing(number) or is_home):
             raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
         check_slot(session.world, number, slot)
         inside = isinstance(self._local_drivers.driver_of(number), ParkingDriver)
@@ -140,7 +138,6 @@ class Wheels:
             else:
                 valet = driver_named(self._valet)  # before anything is recorded
                 session.race_control.park(number, slot)
-                self._given_back.discard(number)
                 if not after_race or is_home:  # else it takes the wheel after the finish
                     self._take_wheel(number, valet)
                     if not seat.is_led:
@@ -186,15 +183,17 @@ class Wheels:
     def release(self, number: int) -> None:
         """Give the wheel of a kart back to its driver, or forget that it asked for a slot.
 
-        Of a kart that races on, the request is dropped; one that has finished drives to its slot
-        itself.
+        Of a kart that races on, the request is dropped, but for a real one, which has its order;
+        one that has finished drives to its slot itself.
         """
-        world = self._session.world
+        session, world = self._session, self._session.world
         if number in self._valets:
             self._give_back(number)
-            self._given_back.add(number)
-        elif has_lot(world) and races_first(world) and self._session.is_racing(number):
-            self._session.race_control.cancel_parking(number)
+        elif has_lot(world) and races_first(world) and not session.seats[number].is_tracked:
+            if session.is_racing(number):
+                session.race_control.cancel_parking(number)
+            elif are_driven(world)[number]:  # its wheel is about to be taken
+                session.race_control.hand_wheel(number, to_server=False)
 
     def _give_back(self, number: int) -> None:
         if self._valets.pop(number, None):
@@ -241,4 +240,9 @@ class Wheels:
             self._local_drivers.traffic.withdraw(number)
             self._observations.show(number, "")
         self._valets.clear()
-        self._given_back.clear()
+
+
+def _is_home(world: World, number: int) -> bool:
+    """Return whether a kart has finished, and is not parked yet."""
+    has_finished = int(world.bodies["status"][0, number]) == codes.FINISHED
+    return has_finished and not world.parking.parkers["parked_tick"][0, number]
