@@ -39,6 +39,11 @@ def parks_from_start(world: World) -> bool:
     return has_lot(world) and not races_first(world)
 
 
+def parks_after_race(world: World) -> bool:
+    """Return whether vehicles race first, and go to a slot once they are asked to."""
+    return has_lot(world) and races_first(world)
+
+
 def check_slot(world: World, kart: int, slot: int) -> None:
     """Do nothing for a slot that a vehicle can be sent to. slot: number, -1 for its own.
 
@@ -51,7 +56,7 @@ def check_slot(world: World, kart: int, slot: int) -> None:
     if not ITS_OWN <= slot < count:
         known = f"choose 0 to {count - 1}, or -1" if count else "this car park has none: choose -1"
         raise SeatError(f"slot {slot} does not exist; {known}", Reason.DECISION)
-    if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
+    if slot < 0 and not goes_to_slot(world, kart):
         slot = free_slot(world, kart)
         if slot < 0:
             raise SeatError("no slot is free here", Reason.DECISION)
@@ -103,7 +108,7 @@ def send_to(world: World, kart: int, slot: int) -> None:
     if slot == TO_NONE:
         world.parking.parkers[0, kart].length = 0.0
         return
-    if slot < 0 and world.parking.parkers[0, kart].length <= 0.0:
+    if slot < 0 and not goes_to_slot(world, kart):
         slot = free_slot(world, kart)
     lot = lots.lots[world.rules[0].course]
     if not 0 <= slot < lot.slot_count:

@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from race_server.core.driven import races_first
 from race_server.core.driver import ParkingDriver, driver_named
 from race_server.core.messages import Flag
 from race_server.core.state import PLACEMENT
 from race_server.errors import DriverError
 from race_server.live.local_drivers import LocalDrivers
 from race_server.scenario.race import Scenario
-from race_server.session.parking import has_lot
+from race_server.session.parking import parks_after_race
 from race_server.session.session import Session
 
 
@@ -57,7 +56,7 @@ def _let_decide(name: str, scenario: Scenario) -> None:
     driver = driver_named(name)
     local_drivers.admit(name, driver, 0)
     alone.start()
-    if has_lot(alone.world) and races_first(alone.world) and isinstance(driver, ParkingDriver):
+    if parks_after_race(alone.world) and isinstance(driver, ParkingDriver):
         alone.race_control.park(0)  # it parks after a race, and is here asked before
         local_drivers.park(0)
     alone.observe()

@@ -26,7 +26,7 @@ from race_server.live.server.counters import Counters
 from race_server.live.suspects import Suspects
 from race_server.net.wire.drive import ControlFrame, decode_control, encode_control
 from race_server.session.observations import Observations
-from race_server.session.parking import check_slot, has_lot
+from race_server.session.parking import check_slot, has_lot, parks_after_race
 from race_server.session.session import Session
 
 # The driver that parks, where the server names no other.
@@ -123,7 +123,7 @@ class Wheels:
         """
         session = self._session
         seat = session.seat(number)
-        after_race = has_lot(session.world) and races_first(session.world)
+        after_race = parks_after_race(session.world)
         is_home = after_race and session.is_on and _is_home(session.world, number)
         if not (session.is_racing(number) or is_home):
             raise SeatError(f"the vehicle of seat {number} does not drive now", Reason.DECISION)
@@ -189,7 +189,7 @@ class Wheels:
         session, world = self._session, self._session.world
         if number in self._valets:
             self._give_back(number)
-        elif has_lot(world) and races_first(world) and not session.seats[number].is_tracked:
+        elif parks_after_race(world) and not session.seats[number].is_tracked:
             if session.is_racing(number):
                 session.race_control.cancel_parking(number)
             elif are_driven(world)[number]:  # its wheel is about to be taken
